@@ -93,8 +93,8 @@ inline constexpr SettingOption kTimeOptions[] = {{"--time", "time.mode"},
                                                  {"--memory-horizon", "time.memory_horizon"},
                                                  {"--memory-thickness", "time.memory_thickness"},
                                                  {"--memory-frames", "time.memory_frames"}};
-inline constexpr SettingOption kLoopOptions[] = {{"--rate", "loop.contact_rate"},
-                                                 {"--sensing-gpu", "loop.sensing_gpu"}};
+inline constexpr SettingOption kLoopOptions[] = {
+    {"--rate", "loop.contact_rate"}, {"--std", "loop.std"}, {"--sensing-gpu", "loop.sensing_gpu"}};
 /// Options of tool, surface and hand.
 inline constexpr SettingOption kHandOptions[] = {{"--coupling", "coupling.kind"},
                                                  {"--friction", "friction.coefficient"},

@@ -248,7 +248,7 @@ class Output final : public RosOutput {
     }
     publish_twist(time, published);
     const RosContact contact = contact_of(published.tick, published.verdict,
-                                          contacts_.value().contact.contact, tool_, full_volume_);
+                                          contacts_.value().contact, tool_, full_volume_);
     contact_->publish(ros_contact_message({time, options_.tool_frame}, contact));
   }
 

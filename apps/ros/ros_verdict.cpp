@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdio>
 
+#include "src/math/internal/matrix.h"
 #include "src/math/internal/matrix6.h"
 #include "src/math/internal/wrench_transform.h"
 
@@ -74,8 +75,8 @@ RosVerdict judge(const TickRecord& tick, double time, double max_age) {
   return because(State::valid, Why::none);
 }
 
-RosContact contact_of(const TickRecord& tick, const RosVerdict& verdict, const LocalContact& newest,
-                      const Tool& tool, double full_volume) {
+RosContact contact_of(const TickRecord& tick, const RosVerdict& verdict,
+                      const ContactRecord& newest, const Tool& tool, double full_volume) {
   RosContact contact;
   contact.state = verdict.state;
   contact.reason = verdict.reason();
@@ -90,8 +91,18 @@ RosContact contact_of(const TickRecord& tick, const RosVerdict& verdict, const L
   const Pose& X_WT = tick.step.X_WT;
   contact.wrench =
       transformed_to(X_WT, tick.step.contact_W, X_WT * tool.sphere_mass().center_of_mass);
-  contact.max_stiffness = newest.max_stiffness;
-  contact.stiffness = stiffness_in(newest.X_WT, newest.stiffness, newest.p_WC);
+  const LocalContact& local = newest.contact;
+  contact.max_stiffness = local.max_stiffness;
+  contact.stiffness = stiffness_in(local.X_WT, local.stiffness, local.p_WC);
+  if (!tick.noise) return contact;
+  // A force that is zero has no noise to first order.
+  const double measure = norm(newest.penetration.measure_W.force);
+  const double newtons = measure > 0 ? norm(local.F_C_W.force) / measure : 0;
+  const Mat3d R_TW = rotation_matrix(inverse(X_WT).rotation);
+  MeasureNoise noise{0, congruent(R_TW, tick.noise->force), congruent(R_TW, tick.noise->torque)};
+  contact.volume_std = tick.noise->volume_std();
+  contact.force_std = newtons * noise.force_std();
+  contact.torque_std = newtons * noise.torque_std();
   return contact;
 }
 

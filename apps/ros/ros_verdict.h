@@ -39,8 +39,8 @@ struct RosVerdict {
 RosVerdict judge(const TickRecord& tick, double time, double max_age);
 
 /// Returns the contact of a tick in the frame of the tool. `newest`: the last measured contact, for
-/// the stiffness. `full_volume`: that of the whole tool, m3.
-RosContact contact_of(const TickRecord& tick, const RosVerdict& verdict, const LocalContact& newest,
-                      const Tool& tool, double full_volume);
+/// the stiffness and newtons. `full_volume`: that of the whole tool, m3.
+RosContact contact_of(const TickRecord& tick, const RosVerdict& verdict,
+                      const ContactRecord& newest, const Tool& tool, double full_volume);
 
 }  // namespace palpate::apps

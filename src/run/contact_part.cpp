@@ -68,11 +68,13 @@ void ContactPart::measure(std::span<const SurfaceBlend> cameras, bool with_stiff
                           ContactRecord& record) noexcept {
   if (moving_) place_bodies(record);
   world_.set_pose(kToolBody, record.X_WT);
-  world_.set_wants(kToolBody, {.stiffness = with_stiffness, .unseen_volume = true});
+  world_.set_wants(
+      kToolBody, {.stiffness = with_stiffness, .noise = scale_.wants_noise, .unseen_volume = true});
   world_.measure(cameras);
   const BodyMeasure& measured = world_.measured(kToolBody);
   record.penetration = measured.total();
   record.objects = measured.bodies;
+  record.noise = measured.noise;
   record.num_object_pairs = measured.num_pairs;
   const bool has_contact = record.penetration.volume > 0 && has_stiffness();
   record.has_new_stiffness = has_contact && measured.stiffness;

@@ -43,6 +43,7 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
   record.step = record.dt > 0 ? coupling_->step(state, known.contact, record.dt) : CouplingStep{};
   record.penetration = known.penetration;
   record.objects = known.objects;
+  record.noise = known.noise;
   record.num_object_pairs = known.num_object_pairs;
   record.contact_age = state.time - (has_contact ? known.contact.time : first_tick_);
   record.sensor_age = state.time - (has_contact ? known.capture_time : first_tick_);

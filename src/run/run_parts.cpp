@@ -74,6 +74,17 @@ Status check_flow(std::span<const DepthStreamInfo> streams, const RunSettings& s
                "or predict; give these, or leave the flow out"};
 }
 
+Status check_std(const RunSettings& settings) {
+  if (!settings.wants_std) return Done{};
+  if (settings.contact.method != MethodKind::field) {
+    return Error{Errc::invalid_argument,
+                 "--std is for the method field: " + std::string(name_of(settings.contact.method)) +
+                     " does not know its noise"};
+  }
+  if (backend_of(settings) == Backend::cpu) return Done{};
+  return Error{Errc::invalid_argument, "--std is computed on a CPU: give --backend cpu"};
+}
+
 Status check_cameras(std::size_t num, const RunSettings& settings) {
   if (num == 0 || num > kMaxCameras) {
     return Error{Errc::invalid_argument, "a run has 1 to " + std::to_string(kMaxCameras) +
@@ -210,6 +221,7 @@ Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
   }
   if (const Status status = check_moving(settings); !status) return status.error();
   if (const Status status = check_flow(streams, settings); !status) return status.error();
+  if (const Status status = check_std(settings); !status) return status.error();
   auto coupling =
       check_coupling(settings.coupling, device.limits, 1 / device.rate, tool.sphere_mass());
   if (!coupling) return coupling.error();
@@ -218,8 +230,11 @@ Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
   parts.checked_coupling = coupling->options;
   parts.scale = {thesis_volume_stiffness(coupling->options.force_at_eighth,
                                          full_volume(tool, settings.contact)),
-                 coupling->options.friction, friction_stiffness(coupling->options, device.limits),
-                 settings.bodies, frictions_of(settings.objects)};
+                 coupling->options.friction,
+                 friction_stiffness(coupling->options, device.limits),
+                 settings.bodies,
+                 frictions_of(settings.objects),
+                 settings.wants_std};
   if (before == nullptr || !keeps_coupling(*before, settings)) {
     parts.coupling = make_coupling(coupling->options, device.limits, tool.sphere_mass());
     parts.notes = std::move(coupling->warnings);

@@ -7,17 +7,10 @@ namespace palpate { inline namespace v0 {
 namespace {
 
 /// Sections and settings that a running loop keeps.
-constexpr std::string_view kFixed[] = {"safety",
-                                       "window",
-                                       "loop.threads",
-                                       "loop.sensing_gpu",
-                                       "loop.contact_gpu",
-                                       "loop.real_time",
-                                       "loop.thin_out",
-                                       "bodies.spheres",
-                                       "output",
-                                       "coupling.base_in_scene",
-                                       "coupling.tool_in_hand"};
+constexpr std::string_view kFixed[] = {
+    "safety",           "window",         "loop.threads",           "loop.sensing_gpu",
+    "loop.contact_gpu", "loop.real_time", "loop.thin_out",          "loop.std",
+    "bodies.spheres",   "output",         "coupling.base_in_scene", "coupling.tool_in_hand"};
 
 /// True if the objects are the same except for settings that can change.
 bool has_same_objects(const std::vector<SceneObject>& before,

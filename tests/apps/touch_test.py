@@ -64,6 +64,27 @@ class Touching(CommandLineCase):
             file.write(content)
         self.expect_failure(1, "replay", again, mentions="recording.mcap")
 
+    def test_standard_deviations_are_asked_for(self):
+        plain, run, tried = self.path("plain"), self.path("std"), self.path("std_tried")
+        self.succeed(*self.sequence("-o", plain))
+        self.succeed(*self.sequence("-o", run, "--std"))
+        self.assertTrue(self.succeed("replay", run).startswith("identical: "))
+        self.succeed("replay", plain, "-o", tried, "--std")
+        before, said, again = map(self.columns, (plain, run, tried))
+        names = ["volume_std_m3"] + [f"measure_std_{x}_m{3 + len(x) - 1}" for x in ("x", "y", "z", "mx", "my", "mz")]
+        self.assertEqual([name for name in said if name not in before], names)
+        self.assertEqual(said, again)
+        # It changes nothing else, and says something where the tool touches.
+        self.assertEqual({name: said[name] for name in before}, before)
+        deepest = max(range(len(said["volume_m3"])), key=said["volume_m3"].__getitem__)
+        self.assertGreater(said["volume_std_m3"][deepest], 0)
+        self.assertLess(said["volume_std_m3"][deepest], said["volume_m3"][deepest])
+        page = read(os.path.join(run, "report.html"))
+        self.assertIn("force_covariance_N2", page)
+        self.assertNotIn("force_covariance_N2\":", read(os.path.join(plain, "report.html")))
+        self.expect_failure(1, *self.sequence("-o", self.path("graph"), "--std", "--method", "graph"),
+                            mentions="--std is for the method field: graph")
+
     def test_replay_tries_other_settings(self):
         run, tried, direct = self.path("try"), self.path("tried"), self.path("try_direct")
         self.succeed(*self.sequence("-o", run))

@@ -177,6 +177,9 @@ class Contact(IdlStruct, typename="palpate_msgs::msg::dds_::Contact_"):
     depth_age: float64
     contact_age: float64
     status: uint32
+    volume_std: float64
+    force_std: Vector3
+    torque_std: Vector3
 
 
 @dataclass

@@ -43,6 +43,9 @@ float64[36] stiffness
 float64 depth_age
 float64 contact_age
 uint32 status
+float64 volume_std
+geometry_msgs/Vector3 force_std
+geometry_msgs/Vector3 torque_std
 """
 
 

@@ -53,7 +53,7 @@ TEST(RunMessages, TicksReadBackToTheSameBits) {
   EXPECT_EQ(back->safety.num_faults, 3u);
   EXPECT_TRUE(back->is_force_requested);
   EXPECT_EQ(back->safety.num_limited, 77u);
-  for (std::size_t size = 0; size < text.size(); size += 17) {
+  for (std::size_t size = 0; size + 4 < text.size(); size += 17) {
     EXPECT_FALSE(read_tick(text.substr(0, size))) << size;
   }
 }
@@ -74,6 +74,31 @@ TEST(RunMessages, ContactsReadBackToTheSameBits) {
   EXPECT_EQ(contact_message(*back), text);
   EXPECT_EQ(back->contact.stiffness.m[4][5], contact.contact.stiffness.m[4][5]);
   EXPECT_EQ(back->penetration.num_points, 9);
+}
+
+TEST(RunMessages, NoiseReadsBackAndOlderMessagesHaveNone) {
+  TickRecord tick;
+  tick.number = 5;
+  ContactRecord contact;
+  contact.number = 6;
+  // A message of before the field ends before the number of its numbers.
+  const std::string text = tick_message(tick), of_contact = contact_message(contact);
+  const auto older = read_tick(text.substr(0, text.size() - 4));
+  const auto older_contact = read_contact(of_contact.substr(0, of_contact.size() - 4));
+  ASSERT_TRUE(older && older_contact);
+  EXPECT_EQ(older->number, 5u);
+  EXPECT_FALSE(older->noise || older_contact->noise);
+
+  tick.noise = contact.noise = MeasureNoise{
+      1e-18, {{{1, 0.2, 0.3}, {0.2, 4, 0.5}, {0.3, 0.5, 6}}}, {{{7, 1, 2}, {1, 8, 3}, {2, 3, 9}}}};
+  const auto back = read_tick(tick_message(tick));
+  const auto back_contact = read_contact(contact_message(contact));
+  ASSERT_TRUE(back && back->noise && back_contact && back_contact->noise);
+  EXPECT_EQ(tick_message(*back), tick_message(tick));
+  EXPECT_EQ(back->noise->volume, 1e-18);
+  EXPECT_EQ(back->noise->force.m[2][1], 0.5);
+  EXPECT_EQ(back_contact->noise->torque.m[1][0], 1);
+  EXPECT_FALSE(difference(tick, *older).empty());
 }
 
 TEST(RunMessages, DepthFramesAreImages) {

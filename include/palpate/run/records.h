@@ -88,8 +88,9 @@ struct TickRecord {
   Penetration penetration;  ///< of the contact in use: cloud and objects
   Penetration objects;      ///< the objects' share of it
   std::int64_t num_object_pairs = 0;
-  double contact_age = 0;  ///< s
-  double sensor_age = 0;   ///< s, from the depth frame to this force
+  std::optional<MeasureNoise> noise;  ///< of `penetration`, if it is asked for and known
+  double contact_age = 0;             ///< s
+  double sensor_age = 0;              ///< s, from the depth frame to this force
   std::uint64_t contact_number = 0, frame_number = 0;
   SafetyStatus safety;
   std::int64_t compute_nanoseconds = 0;
@@ -132,6 +133,7 @@ struct ContactRecord {
   Penetration penetration;            ///< cloud and objects, see BodyMeasure::total
   Penetration objects;                ///< the objects' share of it
   std::int64_t num_object_pairs = 0;  ///< spheres of tool and objects that overlap
+  std::optional<MeasureNoise> noise;  ///< of `penetration`, if it is asked for and known
   std::uint64_t number = 0;
   std::uint64_t frame_number = 0;  ///< of the newest frame in use
   CameraBlends cameras;

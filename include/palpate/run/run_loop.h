@@ -60,6 +60,7 @@ struct RunSettings {
   int num_spheres = 0;         ///< queries use the first N spheres of the tool; 0: all
   bool may_thin = true;        ///< live: compute less before the force is lost
   double contact_rate = 1000;  ///< queries per second, at most
+  bool wants_std = false;      ///< ContactWants::noise, in records and all that is made of them
   CouplingOptions coupling;    ///< checked by the loop
   SafetyOptions safety;
   bool wants_real_time = true;  ///< SCHED_FIFO and locked memory if permitted
@@ -89,6 +90,9 @@ inline void add_settings(SettingTable& t, RunSettings& s) {
         "live, on a busy computer: update the page less, then bin images or use fewer "
         "spheres, before the force is lost");
   t.add("contact_rate", s.contact_rate, {1, 100000, "Hz"}, "maximum queries per second");
+  t.add("std", s.wants_std,
+        "standard deviations of volume, force and torque by the noise of the depth, in wrench.csv, "
+        "recording, plots and ROS 2 messages; method field, on the CPU");
   t.add("real_time", s.wants_real_time, "real-time scheduling and locked memory if permitted");
   add_settings(t, s.coupling);
   add_settings(t, s.safety);

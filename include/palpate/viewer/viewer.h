@@ -1,6 +1,7 @@
 // The viewer: data that a browser shows of a run, a recording or a tool, and its server.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -64,6 +65,8 @@ struct ViewSample {
   double stretch = 0;                      ///< m, coupling deflection
   double gain = 0, energy = 0;             ///< of the safety filter; J given to the hand
   Pose X_WT, X_WT_hand;                    ///< simulated tool; the hand's pose of the tool
+  /// Covariance of contact_W's force: xx, xy, xz, yy, yz, zz in N2; zero: nobody asked for it.
+  std::array<double, 6> force_covariance = {};
 };
 
 /// New data since the last poll: the newest frame of each camera, the newest contact and surface,

@@ -39,7 +39,7 @@ FieldContact::FieldContact(std::shared_ptr<const ToolIndex> index, const FieldMe
       p_TC_(this->index()->tool().sphere_mass().center_of_mass),
       kernels_(field_contact_kernels(execution.isa)),
       pool_(execution.pool != nullptr ? execution.pool : &own_pool_),
-      noise_(elements_->clusters.num_groups(), execution.isa),
+      noise_(elements_->clusters.num_groups(), execution.isa, kMaxCameras),
       group_sums_(2 * static_cast<std::size_t>(elements_->clusters.num_groups())),
       unseen_(static_cast<std::size_t>(elements_->clusters.num_groups())),
       hull_(std::make_unique<DepthHull>(*elements_, p_TC_, execution.isa)) {}
@@ -81,7 +81,7 @@ ContactResult FieldContact::measure_one(const SurfaceView& from, const SurfaceVi
   ContactResult results[2];
   if (alpha >= 1) {
     evaluate({fields, 1}, X, wants, results);
-  } else if (have_one_grid(to.field, from.field) && !wants.noise) {
+  } else if (have_one_grid(to.field, from.field)) {
     evaluate(fields, X, wants, results);
   } else {
     evaluate({fields, 1}, X, wants, results);
@@ -112,7 +112,8 @@ void FieldContact::evaluate(std::span<const DepthFieldView> fields, const Pose& 
     return;
   }
   MeasureJob requested = job(fields, X_WT);
-  if (wants.noise) requested.noise = noise_.rows();
+  const int num_fields = static_cast<int>(fields.size());
+  if (wants.noise) requested.noise = noise_.patches(num_fields);
   pool_->parallel_for(requested.clusters->num_groups(), [&](int group) {
     kernels_.measure_group(requested, group, with_stiffness,
                            &group_sums_[2 * static_cast<std::size_t>(group)]);
@@ -130,8 +131,9 @@ void FieldContact::evaluate(std::span<const DepthFieldView> fields, const Pose& 
       results[k].moments = stiffness.moments();
     }
     keep_bounds(results[k]);
+    if (!wants.noise) continue;
+    results[k].noise = noise_.of_field(fields[k], requested.frame, static_cast<int>(k), num_fields);
   }
-  if (wants.noise) results->noise = noise_.of_field(fields.front(), requested.frame);
 }
 
 void FieldContact::describe(const DepthFieldView& field, const Pose& X_WT,

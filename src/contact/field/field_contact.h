@@ -69,13 +69,14 @@ struct MeasureJob {
   const SphereClusters* clusters = nullptr;
   ElementRows elements, wholes;           ///< wholes: a slot for each cluster
   const float* whole_depth = nullptr;     ///< likewise
+  const float* whole_polar = nullptr;     ///< likewise
   const float* largest_radius = nullptr;  ///< per cluster
   const float* ball_factor = nullptr;     ///< per cluster
   int first_ball = 0;                     ///< clusters from this one on are the parts of balls
   DepthFieldView fields[2];               ///< of one camera and one size
   int num_fields = 1;
   FieldFrame frame;
-  NoiseRows noise = {};  ///< of the first field, if somebody asks
+  NoisePatches noise = {};  ///< if somebody asks; fields of one camera count as cameras
 };
 
 /// A job without field and frame.
@@ -84,6 +85,7 @@ inline MeasureJob measure_job(const FieldElements& elements) {
           elements.rows(),
           elements.wholes.rows(),
           elements.wholes.depth.data(),
+          elements.wholes.polar.data(),
           elements.largest_radius.data(),
           elements.ball_factor.data(),
           elements.first_ball(),

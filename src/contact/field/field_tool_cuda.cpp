@@ -28,7 +28,8 @@ ElementsView elements_view(const FieldElements& elements, gpu::Memory& memory) {
           c.num_clusters(),           memory.copy_of(elements.ball_factor),
           elements.first_ball(),      memory.copy_of(places),
           memory.copy_of(wholes),     memory.copy_of(w.factor),
-          memory.copy_of(w.depth),    memory.copy_of(w.counted)};
+          memory.copy_of(w.depth),    memory.copy_of(w.counted),
+          memory.copy_of(w.polar)};
 }
 
 FieldTool make_field_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& memory) {

@@ -24,6 +24,7 @@ struct ElementsView {
   const float* places = nullptr;        ///< BallPlaces
   const ElementBall* wholes = nullptr;  ///< WholeClusters, likewise
   const float *whole_factors = nullptr, *whole_depths = nullptr, *whole_counts = nullptr;
+  const float* whole_polars = nullptr;
 };
 
 /// The elements and spheres of a tool for one of SphereVolumes, on a GPU.

@@ -27,11 +27,11 @@ struct KeptSums {
 };
 
 /// Adds the ball of a cluster, of which `share` counts, where the field is as given in W. Elements
-/// are kept with `weight`, as the ball counts.
+/// are kept with `weight`, as the ball counts. `polar`: WholeClusters::polar, likewise.
 template <bool kWithStiffness>
-__device__ void add_whole(const Element& e, const Curved<float>& share, const KeptSums& kept,
-                          const SpaceGradient<float>& g, const Symmetric<float>& h, FieldShare& sum,
-                          StiffnessShare* sums) {
+__device__ void add_whole(const Element& e, float polar, const Curved<float>& share,
+                          const KeptSums& kept, const SpaceGradient<float>& g,
+                          const Symmetric<float>& h, FieldShare& sum, StiffnessShare* sums) {
   const Gradient3<float> gradient{g.x, g.y, g.z};
   const float all = e.factor * (static_cast<float>(4 * kPi / 3) * e.radius * e.radius * e.radius);
   const WholeTerms<float> terms = whole_terms(share, all, g.phi, kept.potential);
@@ -48,8 +48,7 @@ __device__ void add_whole(const Element& e, const Curved<float>& share, const Ke
   }
   if constexpr (kWithStiffness) {
     float numbers[StiffnessSums::kNum];
-    stiffness_terms<float>({l[0], l[1], l[2]}, terms.push, terms.disc,
-                           share.value * polar_moment<float>(e.radius, e.factor, -e.radius), n,
+    stiffness_terms<float>({l[0], l[1], l[2]}, terms.push, terms.disc, share.value * polar, n,
                            bounded(h, gradient, length), numbers);
     add_exchange(share.slope, J, kept.wrench, numbers);
 #pragma unroll
@@ -108,7 +107,8 @@ __device__ void add_clusters(const ElementsView& elements, const FieldLook& fiel
   const auto here = in_space(field.frame, at, query_deep<Sample>(field, at, ball.radius));
   const SpaceGradient<float>& g = first_of(here);
   const Curved<float> part = whole_share(g.phi, elements.whole_depths[mine]);
-  add_whole<kWithStiffness>(ball, part, kept, g, second_of(here), share, sums);
+  add_whole<kWithStiffness>(ball, weight * elements.whole_polars[mine], part, kept, g,
+                            second_of(here), share, sums);
   if (!(whole < 1.0f) && counted) share.num_inside += static_cast<int>(elements.whole_counts[mine]);
 }
 

@@ -51,7 +51,7 @@ class Wholes {
     if (!any_) return;
     for (int i = 0; i < kNumWholes; ++i) {
       if (mask_bits(balls_[i].share.value > VecF{}) == 0) continue;
-      add_to(job.wholes, first_of_group(group) + static_cast<std::size_t>(i * kLanes), i, to);
+      add_to(job, first_of_group(group) + static_cast<std::size_t>(i * kLanes), i, to);
     }
   }
 
@@ -68,8 +68,9 @@ class Wholes {
     return static_cast<std::size_t>(group) * kNumClusters;
   }
 
-  [[gnu::noinline]] void add_to(const ElementRows& rows, std::size_t slot, int i,
+  [[gnu::noinline]] void add_to(const MeasureJob& job, std::size_t slot, int i,
                                 GroupTotals<kWithStiffness>& to) const {
+    const ElementRows& rows = job.wholes;
     const Ball& ball = balls_[i];
     const Lanes& e = ball.lanes;
     const VecI counts = ball.share.value > VecF{};
@@ -86,8 +87,11 @@ class Wholes {
     to.totals.add(part, e, terms.volume, terms.potential, terms.push, shortened);
     to.totals.inside.add(part,
                          select(ball.share.value < splat(1.0f), VecF{}, load(rows.counted + slot)));
+    const VecF polar = load(job.whole_polar + slot);
     // The volume of a ball that lies deep does not change.
-    if (to.noise != nullptr) to.noise->keep(e, ball.place, terms.volume, VecF{}, shortened);
+    if (to.noise != nullptr) {
+      to.noise->add_wholes(e.radius, ball.place, terms.volume, all, polar, shortened);
+    }
     if constexpr (kWithStiffness) {
       const Gradient3<VecF> l{e.lx, e.ly, e.lz};
       Symmetric<VecF> h{};
@@ -99,10 +103,8 @@ class Wholes {
         take(entry);
       }
       VecF numbers[StiffnessSums::kNum];
-      stiffness_terms<VecF>(
-          l, terms.push, terms.disc,
-          ball.share.value * polar_moment<VecF>(e.radius, load(rows.factor + slot), -e.radius),
-          shortened, bounded(h, n, length), numbers);
+      stiffness_terms<VecF>(l, terms.push, terms.disc, ball.share.value * polar, shortened,
+                            bounded(h, n, length), numbers);
       const VecF J[6] = {shortened.x,
                          shortened.y,
                          shortened.z,

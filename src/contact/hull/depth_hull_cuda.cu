@@ -107,16 +107,16 @@ __global__ void __launch_bounds__(kHullThreads, 2)
        begin += gpu::kWarpSize * step) {
     const int mine = begin + gpu::lane_id() * step;
     const int num_wholes = elements.first_ball >= kMinWholes ? elements.first_ball : 0;
-    Joined<InSpace<Sample>> at_whole{};
+    Joined<InSpace<Sample>> at_ball{};
     Curved<float> whole{};
     KeptSums kept;
     if (begin < num_wholes) {
       const ElementBall of = elements.wholes[mine < num_wholes ? mine : begin];
-      at_whole = query_hull<Sample>(
+      at_ball = query_hull<Sample>(
           query, Ball{of.x, of.y, of.z, of.radius, of.radius},
           [&](int view) { return eye_of(query, view).has_in_front; }, views);
       if (mine < num_wholes && gpu::warp_id() == 0) {
-        whole = whole_share(first_of(at_whole.hull).phi, elements.whole_depths[mine]);
+        whole = whole_share(first_of(at_ball.hull).phi, elements.whole_depths[mine]);
       }
     }
     if (gpu::warp_id() == 0) views.wholes[gpu::lane_id()] = whole.value;
@@ -165,9 +165,9 @@ __global__ void __launch_bounds__(kHullThreads, 2)
     if (whole.value > 0.0f) {
       const Element element =
           element_of(elements.wholes[mine], elements.whole_factors[mine], query.tool);
-      add_whole<kWithStiffness>(element, whole, kept, first_of(at_whole.hull),
-                                second_of(at_whole.hull), share, &stiffness);
-      add_unseen(at_whole, whole.value * element.factor, element.radius);
+      add_whole<kWithStiffness>(element, elements.whole_polars[mine], whole, kept,
+                                first_of(at_ball.hull), second_of(at_ball.hull), share, &stiffness);
+      add_unseen(at_ball, whole.value * element.factor, element.radius);
       if (!(whole.value < 1.0f)) share.num_inside += static_cast<int>(elements.whole_counts[mine]);
     }
     __syncthreads();

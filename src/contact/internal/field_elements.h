@@ -49,15 +49,17 @@ struct WholeClusters {
         radius(num_slots, 1),
         factor(num_slots),
         counted(num_slots),
-        depth(num_slots, 1e9f) {}
+        depth(num_slots, 1e9f),
+        polar(num_slots) {}
 
   ElementRows rows() const {
     return {x.data(), y.data(), z.data(), radius.data(), factor.data(), counted.data()};
   }
-  std::size_t num_bytes() const { return bytes_of(x, y, z, radius, factor, counted, depth); }
+  std::size_t num_bytes() const { return bytes_of(x, y, z, radius, factor, counted, depth, polar); }
 
   std::vector<float> x, y, z, radius, factor, counted;
   std::vector<float> depth;  ///< from which on a cluster counts as one, m
+  std::vector<float> polar;  ///< second moment of the volume about an axis through it, m5
 };
 
 /// Elements are in cluster order; centers are relative to the tool's center of mass. The numbers

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "src/cloud/internal/cloud_blend.h"
+#include "src/cloud/internal/stream_noise.h"
 #include "src/core/internal/stamp.h"
 #include "src/field/memory/field_memory.h"
 #include "src/field/timeline/frame_slots.h"
@@ -16,6 +17,7 @@ struct Slot {
   std::optional<PointCloud> predicted;
   std::optional<DepthField> field, seen_free, in_front, remembered;
   SurfaceView surfaces;
+  FrameNoise noise;
 };
 
 class FrameSlotsCpu final : public FrameSlots {
@@ -25,6 +27,8 @@ class FrameSlotsCpu final : public FrameSlots {
       : max_jump_(settings.time.max_jump),
         wants_depth_change_(settings.wants_depth_change),
         role_(settings.role()),
+        noise_(settings.stream.width, settings.stream.height),
+        is_noise_known_(is_known(settings.surface.noise)),
         averager_(std::move(averager)),
         memory_(std::move(memory)),
         slots_(std::move(slots)) {}
@@ -41,6 +45,12 @@ class FrameSlotsCpu final : public FrameSlots {
         averager_ ? slot.estimator.update(averager_->update(frame, pool), pool, parts)
                   : slot.estimator.update(frame, pool, parts);
     slot.surfaces.cloud = slot.estimator.cloud();
+    if (!is_noise_known_) {
+      const FrameNoise seen = *slot.surfaces.cloud.noise;
+      noise_.add(frame, seen);
+      slot.noise = noise_.of_frame(seen, averager_.has_value());
+      slot.surfaces.cloud.noise = &slot.noise;
+    }
     if (motion) {
       const std::size_t num = slots_.size();
       predict(slots_[(static_cast<std::size_t>(number) + num - 1) % num], slot, *motion, pool);
@@ -106,6 +116,8 @@ class FrameSlotsCpu final : public FrameSlots {
   double max_jump_;
   bool wants_depth_change_;
   SurfaceRole role_;
+  StreamNoise noise_;
+  bool is_noise_known_;  // by the settings
   std::optional<DepthAverager> averager_;
   std::optional<FieldMemory> memory_;
   std::vector<Slot> slots_;
@@ -130,7 +142,7 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cpu(const SlotSettings& set
     auto estimator = SurfaceEstimator::create(stream.width, stream.height, stream.intrinsics,
                                               settings.surface, best_isa(), stream.distortion);
     if (!estimator) return estimator.error();
-    Slot slot{*std::move(estimator), {}, {}, {}, {}, {}, {}};
+    Slot slot{*std::move(estimator), {}, {}, {}, {}, {}, {}, {}};
     if (settings.time.mode == TimeMode::predict) {
       slot.predicted.emplace(stream.width, stream.height, stream.intrinsics);
     }

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <set>
 #include <span>
 #include <string>
@@ -98,6 +99,10 @@ struct RosContact {
   double depth_age = 0;      ///< s, of the depth image at the header's time
   double contact_age = 0;    ///< s, of the query likewise
   std::uint32_t status = 0;  ///< bits of StepStatus
+  /// Standard deviations in m3, N and N m by the noise of the depth, the torque's about the center
+  /// of mass; not numbers if nobody asked.
+  double volume_std = std::numeric_limits<double>::quiet_NaN();
+  Vec3d force_std{volume_std, volume_std, volume_std}, torque_std = force_std;
 };
 std::string ros_contact_message(const RosHeader& header, const RosContact& contact);
 

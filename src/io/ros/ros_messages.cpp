@@ -321,6 +321,9 @@ std::string ros_contact_message(const RosHeader& header, const RosContact& conta
   to.number(contact.depth_age);
   to.number(contact.contact_age);
   to.number(contact.status);
+  to.number(contact.volume_std);
+  put(to, contact.force_std);
+  put(to, contact.torque_std);
   return to.take();
 }
 

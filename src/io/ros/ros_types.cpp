@@ -77,7 +77,8 @@ constexpr Definition kDefinitions[] = {
     {"palpate_msgs/Contact",
      "std_msgs/Header header\nuint8 state\nstring reason\nfloat64 volume\nfloat64 fraction\n"
      "float64 unseen\nfloat64 potential\nfloat64 max_stiffness\ngeometry_msgs/Wrench wrench\n"
-     "float64[36] stiffness\nfloat64 depth_age\nfloat64 contact_age\nuint32 status\n"},
+     "float64[36] stiffness\nfloat64 depth_age\nfloat64 contact_age\nuint32 status\n"
+     "float64 volume_std\ngeometry_msgs/Vector3 force_std\ngeometry_msgs/Vector3 torque_std\n"},
 };
 
 std::string_view ros_definition(std::string_view type) {

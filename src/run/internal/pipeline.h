@@ -27,6 +27,7 @@ struct ContactScale {
   double grip = 0;                ///< N/m: of what sticks to the tool
   BodyOptions bodies = {};
   ObjectFrictions object_frictions = {};  ///< of all objects, see frictions_of
+  bool wants_noise = false;
 };
 
 /// From a pose to a contact: the tool against surfaces and objects.

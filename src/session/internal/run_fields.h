@@ -126,6 +126,24 @@ void visit_fields(T& penetration, auto&& visit) {
   visit("unseen_volume", penetration.unseen_volume);
 }
 
+/// A covariance: its upper half.
+template <Of<Mat3d> T>
+void visit_fields(T& covariance, auto&& visit) {
+  visit("xx", covariance.m[0][0]);
+  visit("xy", covariance.m[0][1]);
+  visit("xz", covariance.m[0][2]);
+  visit("yy", covariance.m[1][1]);
+  visit("yz", covariance.m[1][2]);
+  visit("zz", covariance.m[2][2]);
+}
+
+template <Of<MeasureNoise> T>
+void visit_fields(T& noise, auto&& visit) {
+  visit("volume", noise.volume);
+  visit("force", noise.force);
+  visit("torque", noise.torque);
+}
+
 template <Of<TickRecord> T>
 void visit_fields(T& tick, auto&& visit) {
   visit("number", tick.number);
@@ -149,6 +167,7 @@ void visit_fields(T& tick, auto&& visit) {
   visit("has_backend_failed", tick.has_backend_failed);
   visit("compute_nanoseconds", tick.compute_nanoseconds);
   visit("revision", tick.revision);
+  visit("noise", tick.noise);
 }
 
 template <Of<ContactPatch> T>
@@ -209,6 +228,7 @@ void visit_fields(T& record, auto&& visit) {
   visit("contact", record.contact);
   visit("revision", record.revision);
   visit("ground", record.contact.patch.ground);
+  visit("noise", record.noise);
 }
 
 template <Of<DeviceLimits> T>

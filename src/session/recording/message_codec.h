@@ -40,6 +40,21 @@ void visit_fields(T& settings, auto&& visit) {
 /// ground without a material and without motion.
 constexpr std::uint32_t kGroundNumbers = 12;
 
+/// Noise of a measure that may be unknown.
+using Noise = std::optional<MeasureNoise>;
+/// Length of a noise as numbers, in the order of its fields. A message has none of them where it is
+/// unknown, and no field at its end if it is older than this one.
+constexpr std::uint32_t kNoiseNumbers = 13;
+
+/// Makes covariances of their upper halves.
+inline void complete(MeasureNoise& noise) {
+  for (Mat3d* const each : {&noise.force, &noise.torque}) {
+    each->m[1][0] = each->m[0][1];
+    each->m[2][0] = each->m[0][2];
+    each->m[2][1] = each->m[1][2];
+  }
+}
+
 template <Of<PartStart> T>
 void visit_fields(T& part, auto&& visit) {
   visit("number", part.number);
@@ -78,6 +93,9 @@ struct Writer {
       const bool is_plain = value == Ground{};
       to.number(is_plain ? 0 : kGroundNumbers);
       if (!is_plain) visit_fields(value, *this);
+    } else if constexpr (std::same_as<T, Noise>) {
+      to.number(value ? kNoiseNumbers : 0);
+      if (value) visit_fields(*value, *this);
     } else if constexpr (std::same_as<T, CameraBlends>) {
       to.number(value.num);
       for (const CameraBlend& blend : seen(value)) visit_fields(blend, *this);
@@ -108,6 +126,11 @@ struct Reader {
     } else if constexpr (std::same_as<T, Ground>) {
       value = {};
       if (from.number<std::uint32_t>() == kGroundNumbers) visit_fields(value, *this);
+    } else if constexpr (std::same_as<T, Noise>) {
+      value.reset();
+      if (from.num_left() == 0 || from.number<std::uint32_t>() != kNoiseNumbers) return;
+      visit_fields(value.emplace(), *this);
+      complete(*value);
     } else if constexpr (std::same_as<T, CameraBlends>) {
       value.num = from.number<std::uint32_t>();
       for (std::uint32_t k = 0; k < value.num && k < kMaxCameras; ++k) {
@@ -139,7 +162,7 @@ std::string type_name() {
   if constexpr (std::same_as<T, std::int32_t>) return "int32";
   if constexpr (std::same_as<T, Fault> || std::same_as<T, ForceState>) return "uint8";
   if constexpr (std::same_as<T, std::string>) return "string";
-  if constexpr (std::same_as<T, Ground>) return "float64[]";
+  if constexpr (std::same_as<T, Ground> || std::same_as<T, Noise>) return "float64[]";
   if constexpr (std::same_as<T, Stiffness>) return "float64[36]";
   if constexpr (std::same_as<T, Vec3d>) return "geometry_msgs/Vector3";
   if constexpr (std::same_as<T, Quaternion>) return "geometry_msgs/Quaternion";
@@ -179,7 +202,7 @@ struct Describer {
     text += type + " " + name + "\n";
     constexpr bool is_plain = Scalar<T> || std::same_as<T, std::string> ||
                               std::same_as<T, Stiffness> || std::same_as<T, BodyPoses> ||
-                              std::same_as<T, Ground>;
+                              std::same_as<T, Ground> || std::same_as<T, Noise>;
     if constexpr (std::same_as<T, CameraBlends>) {
       describe(CameraBlend{});
     } else if constexpr (!is_plain) {

@@ -1,4 +1,5 @@
 // Comparison of a record with its repetition, number by number.
+#include <algorithm>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -33,6 +34,8 @@ struct Flattener {
       for (std::uint32_t k = 0; k < value.num && k < kMaxMovingBodies; ++k) {
         visit_fields(value.of[k], Flattener{values, at + "/" + std::to_string(k)});
       }
+    } else if constexpr (std::same_as<T, messages::Noise>) {
+      if (value) visit_fields(*value, Flattener{values, at});
     } else if constexpr (std::same_as<T, Stiffness>) {
       for (int i = 0; i < 36; ++i) put(at + "/" + std::to_string(i), value.m[i / 6][i % 6]);
     } else {
@@ -57,7 +60,7 @@ std::string difference_of(const T& recorded, const T& repeated) {
   std::vector<std::pair<std::string, std::string>> a, b;
   visit_fields(recorded, Flattener{a, ""});
   visit_fields(repeated, Flattener{b, ""});
-  for (std::size_t i = 0; i < a.size(); ++i) {
+  for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i) {
     if (a[i] == b[i]) continue;
     return a[i].first + ": recorded " + a[i].second + ", repeated " + b[i].second;
   }

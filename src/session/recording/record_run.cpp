@@ -220,7 +220,7 @@ Result<ChosenLoop> choose_loop(const Tool& tool, const DepthSources& sources, Ha
   };
   std::string why_not_cuda;
   const bool is_open = !settings.backend;
-  auto loop = make(settings.backend.value_or(Backend::cuda));
+  auto loop = make(settings.backend.value_or(settings.wants_std ? Backend::cpu : Backend::cuda));
   if (!loop && is_open) {
     why_not_cuda = loop.error().message;
     loop = make(Backend::cpu);

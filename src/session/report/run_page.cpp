@@ -72,6 +72,29 @@ std::string series_text(const Tool& tool, const RunLog& log) {
   add_vector("torque", "Nm", [&](const TickRecord& tick) {
     return tick.step.contact_W.torque * measured(tick, 1);
   });
+  if (log.setup.settings.wants_std) {
+    add("volume_std_m3", [&](const TickRecord& t) {
+      return t.noise ? measured(t, t.noise->volume_std()) : static_cast<double>(NAN);
+    });
+    const double newtons = log.newtons_per_cubic_meter;
+    // Along the axes, and of the norm: along the vector.
+    const auto add_std = [&](const std::string& name, const char* unit,
+                             Mat3d MeasureNoise::*covariance, Vec3d Wrench::*vector) {
+      const auto along = [=](const TickRecord& t, const Vec3d& direction) {
+        if (!t.noise || !(norm(direction) > 0)) return static_cast<double>(NAN);
+        const Vec3d turned = (*t.noise).*covariance * direction;
+        return newtons * std::sqrt(dot(direction, turned)) / norm(direction);
+      };
+      add_vector(name, unit, [&](const TickRecord& t) {
+        return measured(t, 1) *
+               Vec3d{along(t, {1, 0, 0}), along(t, {0, 1, 0}), along(t, {0, 0, 1})};
+      });
+      add(name + "_" + unit,
+          [&](const TickRecord& t) { return measured(t, along(t, t.step.contact_W.*vector)); });
+    };
+    add_std("force_std", "N", &MeasureNoise::force, &Wrench::force);
+    add_std("torque_std", "Nm", &MeasureNoise::torque, &Wrench::torque);
+  }
   // The picture's tool follows the cursor of the plots.
   constexpr const char* kPose[] = {"tool_x_m", "tool_y_m", "tool_z_m", "tool_qx",
                                    "tool_qy",  "tool_qz",  "tool_qw"};
@@ -141,6 +164,13 @@ Result<Json> moment_json(const Tool& tool, const RunLog& log) {
   json["objects_volume_m3"] = compact(tick.objects.volume);
   json["force_N"] = list(tick.step.contact_W.force);
   json["torque_Nm"] = list(tick.step.contact_W.torque);
+  if (tick.noise) {
+    const auto& m = tick.noise->force.m;
+    Json& covariance = json["force_covariance_N2"] = Json::array();
+    for (const double each : {m[0][0], m[0][1], m[0][2], m[1][1], m[1][2], m[2][2]}) {
+      covariance.push_back(compact(std::pow(log.newtons_per_cubic_meter, 2) * each));
+    }
+  }
   return json;
 }
 

@@ -33,6 +33,11 @@ constexpr const char* kHeader =
     "objects_measure_my_m4,objects_measure_mz_m4,contact,frame,"
     "status,contact_age_s,sensor_age_s,gain,fault";
 
+/// Standard deviations, if the settings ask for them.
+constexpr const char* kStdHeader =
+    ",volume_std_m3,measure_std_x_m3,measure_std_y_m3,measure_std_z_m3,measure_std_mx_m4,"
+    "measure_std_my_m4,measure_std_mz_m4";
+
 /// The columns of OutputOptions, if it has any.
 constexpr const char* kOutputHeader =
     ",reported_x_m,reported_y_m,reported_z_m,reported_qx,reported_qy,reported_qz,reported_qw,"
@@ -54,6 +59,7 @@ RunResults::RunResults(const fs::path& folder, const Tool& tool, const RunSetup&
       cameras_(setup.streams.size()),
       has_moving_objects_(has_moving_objects(setup.settings)),
       reports_unseen_(reports_unseen(setup)),
+      reports_std_(setup.settings.wants_std),
       all_ticks_(all_ticks),
       changes_(setup.settings),
       revisions_{{setup.revision, setup.settings}},
@@ -63,7 +69,7 @@ RunResults::RunResults(const fs::path& folder, const Tool& tool, const RunSetup&
 
 void RunResults::begin_csv(const fs::path& folder) {
   csv_.open(folder / kUnfinishedCsv, std::ios::binary);
-  csv_ << kHeader << (reports_unseen_ ? ",unseen" : "")
+  csv_ << kHeader << (reports_unseen_ ? ",unseen" : "") << (reports_std_ ? kStdHeader : "")
        << (has_output_columns_ ? kOutputHeader : "") << "\n";
 }
 
@@ -148,6 +154,15 @@ void RunResults::add_row(const TickRecord& tick) {
     line_.back() = ',';
     append_number(line_, all.unseen_volume / full_volume_);
     line_ += '\n';
+  }
+  if (reports_std_) {
+    constexpr Vec3d none{kNone, kNone, kNone};
+    const bool is_known = tick.noise && !is_contact_lost(tick);
+    const Vec3d f = is_known ? tick.noise->force_std() : none;
+    const Vec3d t = is_known ? tick.noise->torque_std() : none;
+    line_.back() = ',';
+    append_row(line_, ',', is_known ? tick.noise->volume_std() : kNone, f.x, f.y, f.z, t.x, t.y,
+               t.z);
   }
   if (has_output_columns_) {
     const ReportedOutput reported(

@@ -69,6 +69,7 @@ class RunResults {
   const bool has_moving_objects_;
   std::deque<BodiesAtContact> bodies_;  // at the contact of the last tick, and at later ones
   bool reports_unseen_;
+  const bool reports_std_;
   const bool all_ticks_;
   std::ofstream csv_;
   std::string line_;

@@ -16,6 +16,14 @@ ViewSample sample_of(const TickRecord& tick, bool has_hand) {
   sample.energy = tick.safety.energy;
   sample.X_WT = tick.step.X_WT;
   sample.X_WT_hand = tick.step.X_WT_hand;
+  // A tick knows the scale of its newtons by its force alone, without which there is no arrow.
+  const double measure = norm(tick.penetration.measure_W.force);
+  if (tick.noise && measure > 0) {
+    const double newtons = norm(tick.step.contact_W.force) / measure;
+    const auto& m = tick.noise->force.m;
+    sample.force_covariance = {m[0][0], m[0][1], m[0][2], m[1][1], m[1][2], m[2][2]};
+    for (double& each : sample.force_covariance) each *= newtons * newtons;
+  }
   return sample;
 }
 

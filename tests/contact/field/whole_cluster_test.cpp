@@ -72,15 +72,26 @@ TEST(WholeCluster, DerivativesAreThoseOfTheShare) {
 TEST(WholeCluster, HasWhatItsElementsHave) {
   const Tool tool = grid_tool();
   const FieldElements elements(tool, SphereVolumes::represented);
-  double volume = 0, counted = 0;
+  double volume = 0, counted = 0, squares = 0, all_squares = 0;
   Vec3d first;
   for (std::size_t i = 0; i < elements.wholes.x.size(); ++i) {
     const WholeClusters& w = elements.wholes;
     const double its = w.factor[i] * sphere_volume(static_cast<double>(w.radius[i]));
     volume += its;
     counted += w.counted[i];
-    first += its * to_double(Vec3f{w.x[i], w.y[i], w.z[i]});
+    const Vec3d at = to_double(Vec3f{w.x[i], w.y[i], w.z[i]});
+    first += its * at;
+    // Second moments about an axis are those about the centroid, and two thirds of its distance.
+    squares += static_cast<double>(w.polar[i]) + 2.0 / 3 * its * dot(at, at);
   }
+  for (std::size_t slot = 0; slot < elements.radius.size(); ++slot) {
+    const double radius = elements.radius[slot];
+    const SphereClusters& c = elements.clusters;
+    const Vec3d at = to_double(Vec3f{c.x[slot], c.y[slot], c.z[slot]});
+    all_squares += static_cast<double>(elements.factor[slot]) * sphere_volume(radius) *
+                   (0.4 * radius * radius + 2.0 / 3 * dot(at, at));
+  }
+  EXPECT_NEAR(squares, all_squares, 1e-5 * all_squares);
   const double full = full_volume(tool, SphereVolumes::represented);
   EXPECT_NEAR(volume, full, 1e-5 * full);
   EXPECT_EQ(counted, static_cast<double>(tool.spheres().size()));

@@ -2,6 +2,7 @@
 
 import { element } from '../dom';
 import { ARROW_COLORS, STATE_COLORS, THEMES } from '../scene/colors';
+import { COVARIANCE } from '../scene/spread';
 import { UNKNOWN } from '../scene/tool/spheres';
 import type { ArrowScale, Contact, Pose, Sample, SceneView } from '../types';
 import { bytes, floats, unpackDepth, type Depth } from './bytes';
@@ -33,6 +34,7 @@ export interface Moment extends SeenTool {
   objects_volume_m3: number; // the objects' share of it
   force_N: number[];
   torque_Nm: number[];
+  force_covariance_N2?: number[]; // in the order of COVARIANCE; of a run with --std
 }
 
 /** Unpacks the depth image of each camera. */
@@ -131,7 +133,7 @@ export function momentSection(
   parts.push(made.root, key([
     ...STATE_KEY,
     ...(objects.length > 0 ? [[THEMES.light.wood, 'objects; spheres in them are not marked']] : []),
-    ...(touches ? [[ARROW_COLORS.force, `force on the tool: ${force}`], [ARROW_COLORS.torque, `torque on the tool: ${torque}`]] : []),
+    ...(touches ? [[ARROW_COLORS.force, `force on the tool: ${force}${moment.force_covariance_N2 ? ', and one standard deviation of it' : ''}`], [ARROW_COLORS.torque, `torque on the tool: ${torque}`]] : []),
   ] as [string, string][]));
   const numHidden = objects.filter(({ mesh }) => !mesh).length;
   if (numHidden > 0) parts.push(paragraph(`${numHidden} of ${objects.length} objects are not in this page: their meshes are too large.`));
@@ -145,13 +147,14 @@ function poseOf(n: number[]): Pose {
   return { position: [n[0], n[1], n[2]], quaternion: [n[3], n[4], n[5], n[6]] };
 }
 
-function sampleOf(moment: { force_N: number[]; torque_Nm: number[] }): Sample {
+function sampleOf(moment: { force_N: number[]; torque_Nm: number[]; force_covariance_N2?: number[] }): Sample {
   const sample: Sample = { time: 0 };
   'xyz'.split('').forEach((axis, i) => {
     sample[`contact_force_${axis}`] = moment.force_N[i];
     sample[`contact_torque_${axis}`] = moment.torque_Nm[i];
     sample[`force_${axis}`] = 0;
   });
+  moment.force_covariance_N2?.forEach((value, i) => { sample[`contact_force_${COVARIANCE[i]}`] = value; });
   return sample;
 }
 

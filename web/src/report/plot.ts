@@ -12,6 +12,7 @@ export interface Line {
   name: string;
   color?: string; // of the style sheet; default: that of its index
   values: (number | null)[]; // one per `x`; null: a gap
+  std?: (number | null)[]; // likewise: half the height of a band around it
   marks?: (i: number) => boolean; // True if value i has a mark
   joined?: boolean; // drawn across gaps
 }
@@ -151,7 +152,12 @@ class ZoomedPlot {
       low = Math.min(low, value);
       high = Math.max(high, value);
     };
-    for (const { values } of lines) for (const value of values) if (value !== null && value !== NOTHING) add(value);
+    for (const { values, std } of lines) {
+      values.forEach((value, i) => {
+        if (value === null || value === NOTHING) return;
+        for (const side of std ? [-1, 1] : [0]) add(value + side * (std?.[i] ?? 0));
+      });
+    }
     for (const { x, y } of curves ?? []) for (let i = 0; i < y.length; ++i) if (Number.isFinite(x[i])) add(y[i]);
     return low <= high ? [low, high] : yLogarithmic ? [1, 10] : [0, 1];
   }
@@ -253,9 +259,31 @@ class ZoomedPlot {
     ctx.beginPath();
     ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
     ctx.clip();
+    this.drawBands(chart);
     this.drawCurves(chart);
     this.drawSigns(chart);
     ctx.restore();
+  }
+
+  /** Draws a band around each line that has one: a piece for each run of values without a gap. */
+  private drawBands(chart: uPlot): void {
+    const { ctx } = chart, { x, lines } = this.spec;
+    lines.forEach(({ values, std, color }, n) => {
+      if (!std) return;
+      ctx.fillStyle = `${ink(color ?? COLORS[n % COLORS.length])}38`;
+      const isKnown = (i: number) => values[i] !== null && std[i] !== null;
+      for (let begin = 0, end = 0; begin < x.length; begin = end + 1) {
+        for (end = begin; end < x.length && isKnown(end); ++end);
+        ctx.beginPath();
+        for (const side of [1, -1]) {
+          for (let k = 0; k < end - begin; ++k) {
+            const i = side > 0 ? begin + k : end - 1 - k;
+            ctx.lineTo(chart.valToPos(x[i], 'x', true), chart.valToPos(values[i]! + side * std[i]!, 'y', true));
+          }
+        }
+        ctx.fill();
+      }
+    });
   }
 
   private drawCurves(chart: uPlot): void {

@@ -164,21 +164,24 @@ function plots(data: RunData, moveTool: MoveTool): HTMLElement[] {
   const base = { x, xWords: 'time in s', strokes: data.frame_times_s, together: 'time', markers, onPoint };
   const simple = (yWords: string, lines: Line[], caption: string, more: Partial<Plot> = {}) =>
     plot({ ...base, yWords, lines, ...more }, caption);
+  /** Returns the band of a standard deviation, if the run has it. */
+  const band = (name: string, factor = 1) => (series[name] ? { std: column(name, factor) } : {});
   /** Plots the components and the norm of a vector. */
   const vector = (prefix: string, unit: string, symbol: string, yWords: string, caption: string, more = {}) => {
     const axes = ['x', 'y', 'z'].map((axis) => column(`${prefix}_${axis}_${unit}`));
     const size = normOf(axes);
-    const lines = ['x', 'y', 'z'].map((axis, i) => ({ name: `${symbol} ${axis}`, values: axes[i] }));
-    return simple(yWords, [...lines, { name: `|${symbol}|`, values: size }], caption, more);
+    const lines = ['x', 'y', 'z'].map((axis, i) => ({ name: `${symbol} ${axis}`, values: axes[i], ...band(`${prefix}_std_${axis}_${unit}`) }));
+    return simple(yWords, [...lines, { name: `|${symbol}|`, values: size, ...band(`${prefix}_std_${unit}`) }], caption, more);
   };
 
   const unit = unitFor(touches ? peaks.volume_m3 : 1e-6, VOLUME);
-  const volumes = [{ name: 'penetration volume', values: column('volume_m3', unit.factor) }];
+  const volumes = [{ name: 'penetration volume', values: column('volume_m3', unit.factor), ...band('volume_std_m3', unit.factor) }];
   const hasObjects = summary.objects.length > 0;
   if (hasObjects) volumes.push({ name: 'in objects', values: column('objects_volume_m3', unit.factor) });
   const made = [
     heading('What the tool felt'),
-    paragraph('Drag across a plot, or pinch it, to zoom all of them in time; double-click to see all again.'),
+    paragraph('Drag across a plot, or pinch it, to zoom all of them in time; double-click to see all again.' +
+      (series.volume_std_m3 ? ' Bands are one standard deviation to both sides, by the noise of the depth (--std).' : '')),
     simple(`volume in ${unit.name}`, volumes, `How much of the tool lies behind the surface${
       hasObjects ? ' or in an object' : ''}. Strokes on the top edge are depth frames, where there is room for them, and late ones.`, {
       right: { factor: 100 / (summary.full_volume_m3 * unit.factor), words: '% of the tool' },

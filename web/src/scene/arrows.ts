@@ -13,6 +13,7 @@ import { Arrow } from './arrow';
 import { ARROW_COLORS, THEMES } from './colors';
 import { Label } from './label';
 import { sampledVector, transformed } from './poses';
+import { COVARIANCE, Spread } from './spread';
 import { SteadyScale } from './steady_scale';
 
 const LEAST_STRETCH = 1e-4; // m: shorter has no direction
@@ -20,6 +21,7 @@ const LEAST_STRETCH = 1e-4; // m: shorter has no direction
 export class Arrows {
   readonly object = new Group();
   private readonly force = new Arrow(ARROW_COLORS.force);
+  private readonly spread = new Spread(ARROW_COLORS.force); // of the force, if its covariance is known
   private readonly torque = new Arrow(ARROW_COLORS.torque);
   private readonly hand = new Arrow(ARROW_COLORS.hand);
   private readonly newtons = new SteadyScale(0.05);
@@ -31,7 +33,7 @@ export class Arrows {
   private center: [number, number, number] = [0, 0, 0]; // of mass, in T
 
   constructor() {
-    this.object.add(this.force.object, this.torque.object, this.hand.object, ...this.labels.map(({ object }) => object));
+    this.object.add(this.spread.object, this.force.object, this.torque.object, this.hand.object, ...this.labels.map(({ object }) => object));
   }
 
   /** `hasSpring`: the hand's force is drawn as a spring, and written there, instead of as an arrow. */
@@ -39,7 +41,7 @@ export class Arrows {
     this.radius = radius;
     this.hasSpring = hasSpring;
     this.center = center;
-    for (const { object } of [this.force, this.torque, this.hand, ...this.labels]) object.visible = false;
+    for (const { object } of [this.spread, this.force, this.torque, this.hand, ...this.labels]) object.visible = false;
   }
 
   setScale(scale: ArrowScale): void {
@@ -57,6 +59,8 @@ export class Arrows {
       (this.scale?.force ?? this.newtons.update(sample.time, Math.max(contactForce.length(), handForce)));
     const words = [`${digits(contactForce.length())} N`, `${digits(1000 * contactTorque.length(), 1)} N mm`];
     this.force.straight(center, contactForce.multiplyScalar(perNewton), 0.042 * radius);
+    this.spread.place(this.force.tip, COVARIANCE.map((part) => sample[`contact_force_${part}`] ?? 0), perNewton);
+    this.spread.object.visible &&= this.force.object.visible;
 
     const full = this.scale?.torque ?? this.newtonMeters.update(sample.time, contactTorque.length());
     this.torque.bent(center, contactTorque, 1.15 * radius, (1.75 * Math.PI * contactTorque.length()) / full,
@@ -82,6 +86,6 @@ export class Arrows {
   }
 
   dispose(): void {
-    for (const part of [this.force, this.torque, this.hand, ...this.labels]) part.dispose();
+    for (const part of [this.spread, this.force, this.torque, this.hand, ...this.labels]) part.dispose();
   }
 }
