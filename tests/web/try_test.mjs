@@ -3,7 +3,7 @@
 // Environment: PALPATE_WEB_CORE, folder of make web-core; PALPATE_TRY_SECONDS, how long ticks are counted (3); PALPATE_TRY_PICTURES,
 // a folder for pictures.
 import assert from 'node:assert/strict';
-import { existsSync } from 'node:fs';
+import { existsSync, readdirSync, readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { test } from 'node:test';
 import { deflateSync } from 'node:zlib';
@@ -17,12 +17,13 @@ if (!existsSync(file)) {
 const { browser } = await import('../viewer/page/harness.mjs');
 const seconds = Number(process.env.PALPATE_TRY_SECONDS ?? 3), pictures = process.env.PALPATE_TRY_PICTURES;
 
-async function open(viewport = { width: 1280, height: 800 }) {
+async function open({ viewport = { width: 1280, height: 800 }, query = '', before = () => {} } = {}) {
   const context = await browser.newContext({ viewport });
+  await context.addInitScript(before);
   const page = await context.newPage(), requests = [], errors = [];
   page.on('request', (request) => /^https?:/.test(request.url()) && requests.push(request.url()));
   page.on('pageerror', (error) => errors.push(error.message));
-  await page.goto(`file://${file}`);
+  await page.goto(`file://${file}${query}`);
   await page.waitForFunction(() => window.palpate?.hello && window.palpate.sample && window.palpate.counters.contacts > 1, null, { timeout: 60000 });
   return { page, context, requests, errors };
 }
@@ -72,7 +73,16 @@ function png(width, height, bits, value, filter = 0) {
 async function give(page, name, buffer) {
   await page.setInputFiles('.try-open input', { name, mimeType: 'application/octet-stream', buffer });
 }
+async function drop(page, name, buffer) {
+  await page.evaluate(([name, text]) => {
+    const dataTransfer = new DataTransfer();
+    dataTransfer.items.add(new File([Uint8Array.from(atob(text), (c) => c.charCodeAt(0))], name));
+    dispatchEvent(new DragEvent('drop', { dataTransfer, cancelable: true }));
+  }, [name, buffer.toString('base64')]);
+}
 const line = (page) => page.textContent('.try-line');
+const volumeIs = (page, volume) =>
+  page.waitForFunction((v) => Math.abs(window.palpate.hello.tool.volume / v - 1) < 1e-5, volume, { timeout: 120000 });
 
 const corner = (i, size) => [0, 1, 2].map((axis) => size * ((i >> axis) & 1));
 const faces = [0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4, 2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5];
@@ -82,6 +92,22 @@ function stl(size, isClosed = true) {
   file.writeUInt32LE(num, 80);
   for (let t = 0; t < num; ++t)
     for (let k = 0; k < 3; ++k) corner(faces[3 * t + k], size).forEach((n, axis) => file.writeFloatLE(n, 84 + 50 * t + 12 + 12 * k + 4 * axis));
+  return file;
+}
+
+/// A closed ball of radius `r` m as binary STL, of 4 n (n - 1) triangles.
+function ball(n, r) {
+  const at = (i, k) => [Math.sin(Math.PI * i / n) * Math.cos(Math.PI * k / n), Math.sin(Math.PI * i / n) * Math.sin(Math.PI * k / n), Math.cos(Math.PI * i / n)];
+  const exact = (i, k) => (i === 0 || i === n ? [0, 0, i === 0 ? r : -r] : at(i, k % (2 * n)).map((x) => r * x)); // equal corners have equal bits
+  const triangles = [];
+  for (let i = 0; i < n; ++i)
+    for (let k = 0; k < 2 * n; ++k) {
+      if (i > 0) triangles.push([exact(i, k), exact(i + 1, k), exact(i, k + 1)]);
+      if (i < n - 1) triangles.push([exact(i, k + 1), exact(i + 1, k), exact(i + 1, k + 1)]);
+    }
+  const file = Buffer.alloc(84 + 50 * triangles.length);
+  file.writeUInt32LE(triangles.length, 80);
+  triangles.forEach((triangle, t) => triangle.flat().forEach((x, i) => file.writeFloatLE(x, 84 + 50 * t + 12 + 4 * i)));
   return file;
 }
 
@@ -95,6 +121,16 @@ function gltf(size, uri = `data:application/octet-stream;base64,${Buffer.from(ne
     bufferViews: [{ buffer: 0, byteLength }], buffers: [{ uri, byteLength }],
     materials: [{ pbrMetallicRoughness: { baseColorTexture: { index: 0 } } }], textures: [{ source: 0 }], images: [{ uri: 'http://127.0.0.1:9/wood.png' }],
   }));
+}
+
+/// A box with edges of 1 m in a GLB whose node turns and scales it.
+function glb(scale) {
+  const corners = Buffer.from(new Float32Array(faces.flatMap((i) => corner(i, 1))).buffer), { nodes, materials, textures, images, ...rest } = JSON.parse(gltf(1, ''));
+  const content = { ...rest, nodes: [{ mesh: 0, rotation: [0, 0.6, 0, 0.8], translation: [1, 2, 3], scale: [scale, scale, scale] }], buffers: [{ byteLength: corners.length }] };
+  delete content.meshes[0].primitives[0].material;
+  const text = JSON.stringify(content), json = Buffer.from(text.padEnd(4 * Math.ceil(text.length / 4)));
+  const numbers = (...values) => Buffer.from(new Uint32Array(values).buffer);
+  return Buffer.concat([numbers(0x46546c67, 2, 28 + json.length + corners.length), numbers(json.length, 0x4e4f534a), json, numbers(corners.length, 0x4e4942), corners]);
 }
 
 test('a held pen pushes into the hand and is pushed back; letting go ends the force', async () => {
@@ -158,7 +194,9 @@ test('the reader\'s own files, and one sentence for each that is wrong', async (
     assert.match(await line(page), /^[^\n]+[.!]$/);
   }
   await give(page, 'cube.gltf', gltf(0.04));
-  await page.waitForFunction(() => Math.abs(window.palpate.hello.tool.volume - 6.4e-5) < 1e-9, null, { timeout: 120000 });
+  await volumeIs(page, 0.04 ** 3);
+  await drop(page, 'cube.glb', glb(0.03));
+  await volumeIs(page, 0.03 ** 3);
   await give(page, 'cube.stl', stl(50)); // mm
   await page.waitForFunction(() => window.palpate.hello.tool.spheres === 1000 && Math.abs(window.palpate.hello.tool.volume - 1.25e-4) < 1e-9, null, { timeout: 120000 });
   await give(page, 'wall.png', png(160, 120, 16, 600));
@@ -175,10 +213,100 @@ test('the reader\'s own files, and one sentence for each that is wrong', async (
   await context.close();
 });
 
-test('a phone', async () => {
-  const { page, context } = await open({ width: 390, height: 844 });
-  await push(page, [0, 0, 0.14]);
+test('damaged images and meshes: what they show, or one sentence', async () => {
+  const { page, context } = await open();
+  const { taken, refused } = await page.evaluate(async (seeds) => {
+    let state = 20, taken = 0, refused = 0;
+    const below = (n) => (state = (Math.imul(state, 1664525) + 1013904223) >>> 0) % n;
+    for (let i = 0; i < 1500; ++i) {
+      const bytes = Array.from(atob(seeds[i % seeds.length]), (c) => c.charCodeAt(0));
+      for (let changes = 1 + below(4); changes > 0; --changes) {
+        const at = below(bytes.length);
+        [() => { bytes[at] = below(256); }, () => bytes.splice(at, 1 + below(9)), () => bytes.splice(at, 0, ...bytes.slice(0, below(40))),
+          () => { bytes.length = at; }, () => { bytes[at] ^= 1 << below(8); }, () => bytes.splice(at, 4, 127, 255, 255, 255)][below(6)]();
+        if (bytes.length === 0) break;
+      }
+      try {
+        const image = await window.palpate.readPng('image.png', Uint8Array.from(bytes));
+        if (image.counts.length !== image.width * image.height) throw new Error('pixels are missing');
+        ++taken;
+      } catch (error) {
+        if (!/^image\.png [^\n]+\.$/.test(error.message)) throw error;
+        ++refused;
+      }
+    }
+    return { taken, refused };
+  }, [png(16, 9, 16, 500), png(16, 9, 16, 60000, 4), png(16, 9, 16, 500, 2)].map((image) => image.toString('base64')));
+  console.log(`${taken} images taken, ${refused} refused`);
+  assert.ok(taken > 50 && refused > 500);
+  const corpus = new URL('../fuzz/corpus/glb/', import.meta.url), meshes = readdirSync(corpus).map((name) => readFileSync(new URL(name, corpus)));
+  const whole = glb(0.03);
+  for (const mesh of [...meshes, ...[1, 5, 13, 20, 60, 300, 700].map((at) => Buffer.concat([whole.subarray(0, at), whole.subarray(at + 3)]))]) {
+    const said = await page.evaluate(async (text) => {
+      await window.palpate.take(new File([Uint8Array.from(atob(text), (c) => c.charCodeAt(0))], 'tool.glb'));
+      return document.querySelector('.try-line').textContent;
+    }, mesh.toString('base64'));
+    assert.match(said, /^tool\.glb [^\n]+\.$|solid/);
+  }
+  await context.close();
+});
+
+test('a packing shows its progress and is cancelled by a click', async () => {
+  const { page, context } = await open();
+  await give(page, 'ball.stl', ball(100, 0.03));
+  await page.waitForFunction(() => /: \d+ %/.test(document.querySelector('.try-line').textContent), null, { timeout: 120000 });
+  await picture(page, 'packing');
+  await page.click('.try-cancel');
+  await page.waitForFunction(() => /not packed: cancelled/.test(document.querySelector('.try-line').textContent));
+  assert.ok(await page.evaluate(() => document.querySelector('.try-cancel').hidden));
+  await context.close();
+});
+
+test('the address has settings, and one that is wrong is named', async () => {
+  const { page, context } = await open({ query: '?contact.method=weighted&friction.coefficient=1.2&coupling.firmness=1' });
+  const settings = await page.evaluate(() => window.palpate.state.settings);
+  assert.equal(settings['contact.method'], 'weighted');
+  assert.equal(settings['friction.coefficient'], 1.2);
+  assert.match(await line(page), /no setting coupling\.firmness/);
+  await context.close();
+});
+
+test('the keyboard alone', async () => {
+  const { page, context } = await open();
+  await page.keyboard.press('t');
+  await page.waitForFunction(() => window.palpate.state.handle === 'held');
+  await page.keyboard.down('PageUp');
+  await page.waitForFunction(() => Math.hypot(window.palpate.sample.force_x, window.palpate.sample.force_y, window.palpate.sample.force_z) > 0.5, null, { timeout: 60000 });
+  await picture(page, 'keyboard');
+  await page.keyboard.up('PageUp');
+  await page.keyboard.press('Escape');
+  await page.waitForFunction(() => window.palpate.state.handle === 'free');
+  const reached = [];
+  for (let i = 0; i < 20; ++i) {
+    await page.keyboard.press('Tab');
+    reached.push(await page.evaluate(() => document.activeElement.getAttribute('aria-label') ?? document.activeElement.textContent));
+  }
+  assert.ok(reached.some((name) => /open your own/.test(name)), reached.join(', '));
+  assert.ok(reached.every((name) => name !== ''), 'every control has a name');
+  await context.close();
+});
+
+test('a phone vibrates as the force changes, and what is on it can be read', async () => {
+  const { page, context } = await open({ viewport: { width: 390, height: 844 }, before: () => {
+    window.pulses = [];
+    navigator.vibrate = (ms) => window.pulses.push({ ms, at: performance.now() });
+  } });
+  await page.evaluate(() => window.palpate.command({ command: 'set', key: 'camera.noise', value: 0 }));
   await picture(page, 'phone');
+  await page.click('.hold .main');
+  const { x, y, width, height } = await page.getByRole('button', { name: 'push the tool' }).boundingBox();
+  await page.mouse.move(x + width / 2, y + height / 2);
+  await page.mouse.down();
+  await page.waitForFunction(() => Math.hypot(window.palpate.sample.force_x, window.palpate.sample.force_y, window.palpate.sample.force_z) > 3, null, { timeout: 60000 });
+  await page.mouse.up();
+  await picture(page, 'phone-touching');
+  const pulses = await page.evaluate(() => window.pulses);
+  console.log(JSON.stringify(pulses));
   const { right, bottom } = await page.locator('.try-open').evaluate((e) => e.getBoundingClientRect());
   assert.ok(right <= 390 && bottom <= 844);
   await context.close();
