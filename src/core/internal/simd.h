@@ -66,20 +66,8 @@ inline void store_first(float* to, VecF v, int count) {
 /// Masks are 0 / -1 per lane, as comparisons give them. `mask ? a : b` selects.
 using Mask = VecI;
 inline VecF select(Mask mask, VecF a, VecF b) { return mask ? a : b; }
-#if defined(__wasm_simd128__)
-// Else the compiler takes minima and maxima that keep NaN, which are several instructions in browsers.
-inline VecF min(VecF a, VecF b) {
-  return reinterpret_cast<VecF>(
-      wasm_f32x4_pmin(reinterpret_cast<v128_t>(b), reinterpret_cast<v128_t>(a)));
-}
-inline VecF max(VecF a, VecF b) {
-  return reinterpret_cast<VecF>(
-      wasm_f32x4_pmax(reinterpret_cast<v128_t>(b), reinterpret_cast<v128_t>(a)));
-}
-#else
 inline VecF min(VecF a, VecF b) { return a < b ? a : b; }
 inline VecF max(VecF a, VecF b) { return a > b ? a : b; }
-#endif
 
 inline VecF sqrt(VecF v) {
 #if PALPATE_LANES == 16
