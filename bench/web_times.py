@@ -14,8 +14,8 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests/c"))
 import calls
 
-TURNS = 9
-NUM_CALLS = {"frame": 60, "query of 1000": 10000, "query of 5000": 2500}
+TURNS = 7
+NUM_CALLS = {"frame": 20, "query of 1000": 4000, "query of 5000": 1000}
 
 lib, error = calls.load(sys.argv[1]), calls.Error()
 camera = calls.sized(calls.Camera, width=320, height=240, intrinsics=(288, 288, 159.5, 119.5))
