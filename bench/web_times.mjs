@@ -33,6 +33,6 @@ for await (const line of createInterface({ input: process.stdin })) {
   const [, name, calls] = line.match(/^(.*) (\d+)$/);
   const begin = seconds();
   await page.evaluate(({ name, calls }) => { for (let i = 0; i < calls; ++i) window.work[name](); }, { name, calls: Number(calls) });
-  console.log(seconds() - begin);
+  console.log(`seconds ${seconds() - begin}`);
 }
 await browser.close();

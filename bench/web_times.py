@@ -47,10 +47,10 @@ def native_seconds(name):
 def page_seconds(name):
     page.stdin.write(f"{name} {NUM_CALLS[name]}\n")
     page.stdin.flush()
-    answer = page.stdout.readline()
-    if not answer[:1].isdigit():
-        sys.exit(f"web_times: the page does not answer: {answer}")
-    return float(answer)
+    for answer in page.stdout:
+        if answer.startswith("seconds "):
+            return float(answer.split()[1])
+    sys.exit("web_times: the page does not answer; see its message above")
 
 
 for name, num in NUM_CALLS.items():
