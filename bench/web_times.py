@@ -60,4 +60,4 @@ for name, num in NUM_CALLS.items():
     ratios = sorted(turn[1] / turn[0] for turn in turns)
     print(f"{name}: native {native:.1f} us, page {web:.1f} us of processor; "
           f"ratio {median(ratios):.2f} ({ratios[1]:.2f} to {ratios[-2]:.2f}, {TURNS} turns)", flush=True)
-page.stdin.close()
+page.communicate()

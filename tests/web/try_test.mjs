@@ -17,14 +17,14 @@ if (!existsSync(file)) {
 const { browser } = await import('../viewer/page/harness.mjs');
 const seconds = Number(process.env.PALPATE_TRY_SECONDS ?? 3), pictures = process.env.PALPATE_TRY_PICTURES;
 
-async function open({ viewport = { width: 1280, height: 800 }, query = '', before = () => {} } = {}) {
+async function open({ viewport = { width: 800, height: 500 }, query = '', before = () => {} } = {}) {
   const context = await browser.newContext({ viewport });
   await context.addInitScript(before);
   const page = await context.newPage(), requests = [], errors = [];
   page.on('request', (request) => /^https?:/.test(request.url()) && requests.push(request.url()));
   page.on('pageerror', (error) => errors.push(error.message));
   await page.goto(`file://${file}${query}`);
-  await page.waitForFunction(() => window.palpate?.hello && window.palpate.sample && window.palpate.counters.contacts > 1, null, { timeout: 60000 });
+  await page.waitForFunction(() => window.palpate?.hello && window.palpate.sample && window.palpate.counters.contacts > 1, null, { timeout: 240000 });
   return { page, context, requests, errors };
 }
 const picture = async (page, name) => pictures && page.screenshot({ path: join(pictures, `${name}.png`) });
@@ -134,7 +134,7 @@ function glb(scale) {
 }
 
 test('a held pen pushes into the hand and is pushed back; letting go ends the force', async () => {
-  const { page, context, requests, errors } = await open();
+  const { page, context, requests, errors } = await open({ viewport: { width: 1280, height: 800 } });
   await picture(page, 'desktop');
   const free = await page.evaluate(() => window.palpate.sample.force_z);
   assert.equal(Math.abs(free), 0);
