@@ -3,7 +3,7 @@
 // Environment: PALPATE_WEB_CORE, folder of make web-core; PALPATE_TRY_SECONDS, how long ticks are counted (3); PALPATE_TRY_PICTURES,
 // a folder for pictures.
 import assert from 'node:assert/strict';
-import { existsSync } from 'node:fs';
+import { existsSync, readdirSync, readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { test } from 'node:test';
 import { deflateSync } from 'node:zlib';
@@ -17,13 +17,14 @@ if (!existsSync(file)) {
 const { browser } = await import('../viewer/page/harness.mjs');
 const seconds = Number(process.env.PALPATE_TRY_SECONDS ?? 3), pictures = process.env.PALPATE_TRY_PICTURES;
 
-async function open(viewport = { width: 1280, height: 800 }) {
+async function open({ viewport = { width: 800, height: 500 }, query = '', before = () => {} } = {}) {
   const context = await browser.newContext({ viewport });
+  await context.addInitScript(before);
   const page = await context.newPage(), requests = [], errors = [];
   page.on('request', (request) => /^https?:/.test(request.url()) && requests.push(request.url()));
   page.on('pageerror', (error) => errors.push(error.message));
-  await page.goto(`file://${file}`);
-  await page.waitForFunction(() => window.palpate?.hello && window.palpate.sample && window.palpate.counters.contacts > 1, null, { timeout: 60000 });
+  await page.goto(`file://${file}${query}`);
+  await page.waitForFunction(() => window.palpate?.hello && window.palpate.sample && window.palpate.counters.contacts > 1, null, { timeout: 240000 });
   return { page, context, requests, errors };
 }
 const picture = async (page, name) => pictures && page.screenshot({ path: join(pictures, `${name}.png`) });
@@ -72,7 +73,16 @@ function png(width, height, bits, value, filter = 0) {
 async function give(page, name, buffer) {
   await page.setInputFiles('.try-open input', { name, mimeType: 'application/octet-stream', buffer });
 }
+async function drop(page, name, buffer) {
+  await page.evaluate(([name, text]) => {
+    const dataTransfer = new DataTransfer();
+    dataTransfer.items.add(new File([Uint8Array.from(atob(text), (c) => c.charCodeAt(0))], name));
+    dispatchEvent(new DragEvent('drop', { dataTransfer, cancelable: true }));
+  }, [name, buffer.toString('base64')]);
+}
 const line = (page) => page.textContent('.try-line');
+const volumeIs = (page, volume) =>
+  page.waitForFunction((v) => Math.abs(window.palpate.hello.tool.volume / v - 1) < 1e-5, volume, { timeout: 120000 });
 
 const corner = (i, size) => [0, 1, 2].map((axis) => size * ((i >> axis) & 1));
 const faces = [0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4, 2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5];
@@ -82,6 +92,22 @@ function stl(size, isClosed = true) {
   file.writeUInt32LE(num, 80);
   for (let t = 0; t < num; ++t)
     for (let k = 0; k < 3; ++k) corner(faces[3 * t + k], size).forEach((n, axis) => file.writeFloatLE(n, 84 + 50 * t + 12 + 12 * k + 4 * axis));
+  return file;
+}
+
+/// A closed ellipsoid whose longest half axis is `r` m as binary STL, of 4 n (n - 1) triangles.
+function ellipsoid(n, r) {
+  const at = (i, k) => [Math.sin(Math.PI * i / n) * Math.cos(Math.PI * k / n), Math.sin(Math.PI * i / n) * Math.sin(Math.PI * k / n), Math.cos(Math.PI * i / n)];
+  const exact = (i, k) => (i === 0 || i === n ? [0, 0, i === 0 ? 0.4 * r : -0.4 * r] : at(i, k % (2 * n)).map((x, axis) => r * [1, 0.7, 0.4][axis] * x)); // equal corners have equal bits
+  const triangles = [];
+  for (let i = 0; i < n; ++i)
+    for (let k = 0; k < 2 * n; ++k) {
+      if (i > 0) triangles.push([exact(i, k), exact(i + 1, k), exact(i, k + 1)]);
+      if (i < n - 1) triangles.push([exact(i, k + 1), exact(i + 1, k), exact(i + 1, k + 1)]);
+    }
+  const file = Buffer.alloc(84 + 50 * triangles.length);
+  file.writeUInt32LE(triangles.length, 80);
+  triangles.forEach((triangle, t) => triangle.flat().forEach((x, i) => file.writeFloatLE(x, 84 + 50 * t + 12 + 4 * i)));
   return file;
 }
 
@@ -97,8 +123,18 @@ function gltf(size, uri = `data:application/octet-stream;base64,${Buffer.from(ne
   }));
 }
 
+/// A box with edges of 1 m in a GLB whose node turns and scales it.
+function glb(scale) {
+  const corners = Buffer.from(new Float32Array(faces.flatMap((i) => corner(i, 1))).buffer), { nodes, materials, textures, images, ...rest } = JSON.parse(gltf(1, ''));
+  const content = { ...rest, nodes: [{ mesh: 0, rotation: [0, 0.6, 0, 0.8], translation: [1, 2, 3], scale: [scale, scale, scale] }], buffers: [{ byteLength: corners.length }] };
+  delete content.meshes[0].primitives[0].material;
+  const text = JSON.stringify(content), json = Buffer.from(text.padEnd(4 * Math.ceil(text.length / 4)));
+  const numbers = (...values) => Buffer.from(new Uint32Array(values).buffer);
+  return Buffer.concat([numbers(0x46546c67, 2, 28 + json.length + corners.length), numbers(json.length, 0x4e4f534a), json, numbers(corners.length, 0x4e4942), corners]);
+}
+
 test('a held pen pushes into the hand and is pushed back; letting go ends the force', async () => {
-  const { page, context, requests, errors } = await open();
+  const { page, context, requests, errors } = await open({ viewport: { width: 1280, height: 800 } });
   await picture(page, 'desktop');
   const free = await page.evaluate(() => window.palpate.sample.force_z);
   assert.equal(Math.abs(free), 0);
@@ -127,16 +163,31 @@ test('a hidden tab fades the force', async () => {
   await context.close();
 });
 
+/// Seconds of processor and of waiting for one that the page's workers have taken, where the system counts them.
+async function workerSeconds() {
+  const session = await browser.newBrowserCDPSession(), { processInfo } = await session.send('SystemInfo.getProcessInfo');
+  const sums = [0, 0];
+  for (const { id } of processInfo.filter(({ type }) => type === 'renderer'))
+    for (const thread of readdirSync(`/proc/${id}/task`)) {
+      const at = `/proc/${id}/task/${thread}/`;
+      if (!/^DedicatedWorker/.test(readFileSync(`${at}comm`, 'utf8'))) continue;
+      readFileSync(`${at}schedstat`, 'utf8').split(' ').slice(0, 2).forEach((ns, i) => { sums[i] += ns / 1e9; });
+    }
+  return sums;
+}
+
 test('ticks at 1 kHz', async () => {
   const { page, context } = await open();
-  const counted = await page.evaluate(async (seconds) => {
-    const { palpate } = window, before = palpate.state;
-    await new Promise((resolve) => setTimeout(resolve, 1000 * seconds));
-    const after = palpate.state;
-    return { ticks: after.ticks - before.ticks, time: after.time - before.time, missed: after.missed - before.missed, longest_burst: after.longest_burst, query_ms: after.query_ms };
-  }, seconds);
-  console.log(JSON.stringify({ ...counted, share: counted.ticks / (counted.ticks + counted.missed) }));
-  assert.ok(counted.ticks > 0);
+  const state = () => page.evaluate(() => window.palpate.state);
+  const [before, worked] = [await state(), await workerSeconds()];
+  await page.waitForTimeout(1000 * seconds);
+  const [after, works] = [await state(), await workerSeconds()];
+  const ticks = after.ticks - before.ticks, missed = after.missed - before.missed, [used, waited] = works.map((s, i) => s - worked[i]);
+  console.log(JSON.stringify({
+    ticks, missed, computed: ticks / (ticks + missed), longest_delay_ms: after.longest_delay, query_ms: after.query_ms,
+    processor_us_per_tick: 1e6 * used / ticks, waited_seconds: waited,
+  }));
+  assert.ok(ticks > 0);
   await context.close();
 });
 
@@ -158,7 +209,9 @@ test('the reader\'s own files, and one sentence for each that is wrong', async (
     assert.match(await line(page), /^[^\n]+[.!]$/);
   }
   await give(page, 'cube.gltf', gltf(0.04));
-  await page.waitForFunction(() => Math.abs(window.palpate.hello.tool.volume - 6.4e-5) < 1e-9, null, { timeout: 120000 });
+  await volumeIs(page, 0.04 ** 3);
+  await drop(page, 'cube.glb', glb(0.03));
+  await volumeIs(page, 0.03 ** 3);
   await give(page, 'cube.stl', stl(50)); // mm
   await page.waitForFunction(() => window.palpate.hello.tool.spheres === 1000 && Math.abs(window.palpate.hello.tool.volume - 1.25e-4) < 1e-9, null, { timeout: 120000 });
   await give(page, 'wall.png', png(160, 120, 16, 600));
@@ -175,10 +228,105 @@ test('the reader\'s own files, and one sentence for each that is wrong', async (
   await context.close();
 });
 
-test('a phone', async () => {
-  const { page, context } = await open({ width: 390, height: 844 });
-  await push(page, [0, 0, 0.14]);
+test('damaged images and meshes: what they show, or one sentence', async () => {
+  const { page, context } = await open();
+  const { taken, refused } = await page.evaluate(async (seeds) => {
+    let state = 20, taken = 0, refused = 0;
+    const below = (n) => (state = (Math.imul(state, 1664525) + 1013904223) >>> 0) % n;
+    for (let i = 0; i < 1500; ++i) {
+      const bytes = Array.from(atob(seeds[i % seeds.length]), (c) => c.charCodeAt(0));
+      for (let changes = 1 + below(4); changes > 0; --changes) {
+        const at = below(bytes.length);
+        [() => { bytes[at] = below(256); }, () => bytes.splice(at, 1 + below(9)), () => bytes.splice(at, 0, ...bytes.slice(0, below(40))),
+          () => { bytes.length = at; }, () => { bytes[at] ^= 1 << below(8); }, () => bytes.splice(at, 4, 127, 255, 255, 255)][below(6)]();
+        if (bytes.length === 0) break;
+      }
+      try {
+        const image = await window.palpate.readPng('image.png', Uint8Array.from(bytes));
+        if (image.counts.length !== image.width * image.height) throw new Error('pixels are missing');
+        ++taken;
+      } catch (error) {
+        if (!/^image\.png [^\n]+\.$/.test(error.message)) throw error;
+        ++refused;
+      }
+    }
+    return { taken, refused };
+  }, [png(16, 9, 16, 500), png(16, 9, 16, 60000, 4), png(16, 9, 16, 500, 2)].map((image) => image.toString('base64')));
+  console.log(`${taken} images taken, ${refused} refused`);
+  assert.ok(taken > 50 && refused > 500);
+  const corpus = new URL('../fuzz/corpus/glb/', import.meta.url), meshes = readdirSync(corpus).map((name) => readFileSync(new URL(name, corpus)));
+  const whole = glb(0.03);
+  for (const mesh of [...meshes, ...[1, 5, 13, 20, 60, 300, 700].map((at) => Buffer.concat([whole.subarray(0, at), whole.subarray(at + 3)]))]) {
+    const said = await page.evaluate(async (text) => {
+      await window.palpate.take(new File([Uint8Array.from(atob(text), (c) => c.charCodeAt(0))], 'tool.glb'));
+      return document.querySelector('.try-line').textContent;
+    }, mesh.toString('base64'));
+    assert.match(said, /^tool\.glb [^\n]+\.$|solid/);
+  }
+  await context.close();
+});
+
+test('a packing shows its progress and is cancelled by a click', async () => {
+  const { page, context } = await open();
+  await give(page, 'pebble.stl', ellipsoid(40, 0.03));
+  await page.waitForFunction(() => /: \d+ %/.test(document.querySelector('.try-line').textContent), null, { timeout: 120000 });
+  await picture(page, 'packing');
+  await page.click('.try-cancel');
+  await page.waitForFunction(() => /not packed: cancelled/.test(document.querySelector('.try-line').textContent));
+  assert.ok(await page.evaluate(() => document.querySelector('.try-cancel').hidden));
+  await context.close();
+});
+
+test('the address has settings, and one that is wrong is named', async () => {
+  const { page, context } = await open({ query: '?contact.method=weighted&friction.coefficient=1.2&coupling.firmness=1' });
+  const settings = await page.evaluate(() => window.palpate.state.settings);
+  assert.equal(settings['contact.method'], 'weighted');
+  assert.equal(settings['friction.coefficient'], 1.2);
+  assert.match(await line(page), /no setting coupling\.firmness/);
+  await context.close();
+});
+
+/// Holds the tool by T and pushes it by Page up until it feels `newtons`; a busy computer may lose hold of it meanwhile.
+async function pushByKeys(page, newtons) {
+  await page.keyboard.down('PageUp');
+  for (let i = 0, force = 0; i < 2000 && force < newtons; ++i) {
+    const { handle, felt } = await page.evaluate(() => ({
+      handle: window.palpate.state.handle, felt: Math.hypot(window.palpate.sample.force_x, window.palpate.sample.force_y, window.palpate.sample.force_z) }));
+    force = felt;
+    if (handle === 'free' && i % 10 === 0) await page.keyboard.press('t');
+    await page.waitForTimeout(50);
+  }
+  await page.keyboard.up('PageUp');
+}
+
+test('the keyboard alone', async () => {
+  const { page, context } = await open({ query: '?view=camera' });
+  await pushByKeys(page, 0.5);
+  await picture(page, 'keyboard');
+  await page.keyboard.press('Escape');
+  await page.waitForFunction(() => window.palpate.state.handle === 'free');
+  const reached = [];
+  for (let i = 0; i < 20; ++i) {
+    await page.keyboard.press('Tab');
+    reached.push(await page.evaluate(() => document.activeElement.getAttribute('aria-label') ?? document.activeElement.textContent));
+  }
+  assert.ok(reached.some((name) => /open your own/.test(name)), reached.join(', '));
+  assert.ok(reached.every((name) => name !== ''), 'every control has a name');
+  await context.close();
+});
+
+test('a phone vibrates as the force changes, and what is on it can be read', async () => {
+  const { page, context } = await open({ viewport: { width: 390, height: 844 }, query: '?view=camera&theme=dark', before: () => {
+    window.pulses = [];
+    navigator.vibrate = (ms) => window.pulses.push({ ms, at: performance.now() });
+  } });
+  await page.evaluate(() => window.palpate.command({ command: 'set', key: 'camera.noise', value: 0 }));
   await picture(page, 'phone');
+  await pushByKeys(page, 1);
+  await picture(page, 'phone-touching');
+  const pulses = await page.evaluate(() => window.pulses);
+  console.log(JSON.stringify(pulses));
+  assert.ok(pulses.length > 0 && pulses.every(({ ms }) => ms >= 10 && ms <= 60));
   const { right, bottom } = await page.locator('.try-open').evaluate((e) => e.getBoundingClientRect());
   assert.ok(right <= 390 && bottom <= 844);
   await context.close();

@@ -70,6 +70,8 @@ class Host {
   exports!: Exports;
   progress: Progress = () => true;
   private message = '';
+  private views = { bytes: new DataView(new ArrayBuffer(0)), doubles: new Float64Array(0) }; // of the memory that is there now
+  private error = 0;
 
   imports(module: WebAssembly.Module): WebAssembly.Imports {
     const own: Record<string, Record<string, (...numbers: number[]) => number>> = {
@@ -99,7 +101,12 @@ class Host {
     return imports;
   }
 
-  get view(): DataView { return new DataView(this.exports.memory.buffer); }
+  private get all(): { bytes: DataView; doubles: Float64Array } {
+    const { buffer } = this.exports.memory;
+    if (this.views.bytes.buffer !== buffer) this.views = { bytes: new DataView(buffer), doubles: new Float64Array(buffer) };
+    return this.views;
+  }
+  get view(): DataView { return this.all.bytes; }
 
   allocate(bytes: number): number {
     const at = this.exports.malloc(Math.max(1, bytes));
@@ -127,14 +134,21 @@ class Host {
     return new TextDecoder().decode(bytes.slice(at, bytes.indexOf(0, at)));
   }
   doubles(at: number, num: number): Float64Array { return new Float64Array(this.exports.memory.buffer, at, num); }
-  numbers(at: number, num: number): number[] { return Array.from(this.doubles(at, num)); }
+  numbers(at: number, num: number): number[] {
+    const { doubles } = this.all, numbers = new Array<number>(num);
+    for (let i = 0; i < num; ++i) numbers[i] = doubles[at / 8 + i];
+    return numbers;
+  }
+  put(at: number, numbers: ArrayLike<number>): void {
+    const { doubles } = this.all;
+    for (let i = 0; i < numbers.length; ++i) doubles[at / 8 + i] = numbers[i];
+  }
   /** Calls `work` with an error to fill; throws its sentence if `isBad` says that it failed. */
   checked(work: (error: number) => number, isBad: (result: number) => boolean): number {
-    return this.with(512, (error) => {
-      const result = work(error);
-      if (isBad(result)) throw new Error(sentence(this.readText(error + 4)));
-      return result;
-    });
+    this.error ||= this.allocate(512);
+    const result = work(this.error);
+    if (isBad(result)) throw new Error(sentence(this.readText(this.error + 4)));
+    return result;
   }
   make(work: (error: number) => number): number { return this.checked(work, (handle) => handle === 0); }
   do(work: (error: number) => number): number { return this.checked(work, (result) => result < 0); }
@@ -290,7 +304,7 @@ export class Sensor extends Owned {
       throw new Error(`The depth image has ${image.length} values, and the camera ${this.camera.width} x ${this.camera.height} pixels; give an image of that size.`);
     new (image instanceof Uint16Array ? Uint16Array : Float32Array)(host.exports.memory.buffer, at, image.length).set(image);
     host.with(56, (pose) => {
-      if (X_WC) host.doubles(pose, 7).set(X_WC);
+      if (X_WC) host.put(pose, X_WC);
       const place = X_WC ? pose : 0;
       host.do((error) => image instanceof Uint16Array
         ? host.exports.palpate_sensor_update_counts(handle, at, unit, place, error)
@@ -309,7 +323,7 @@ export class Scene extends Owned {
   /** Adds a fixed body; returns its number. */
   addBody(shape: Tool, X_WB: PoseNumbers): number {
     return this.host.with(56, (at) => {
-      this.host.doubles(at, 7).set(X_WB);
+      this.host.put(at, X_WB);
       return this.host.do((error) => this.host.exports.palpate_scene_add_body(this.handle, shape.handle, at, error));
     });
   }
@@ -335,16 +349,13 @@ export class Contact extends Owned {
   measure(scene: Scene, X_WT: PoseNumbers, { progress = 1, stiffness = false, spheres = false } = {}): Measure {
     const { host, handle, at, memory } = this, num = this.states.length;
     const states = memory + 56, planes = states + 4 * Math.ceil(num / 4);
-    new Uint8Array(host.exports.memory.buffer, at, MEASURE).fill(0);
     let { view } = host;
     view.setUint32(at, MEASURE, true);
     view.setUint32(at + 4, stiffness ? 1 : 0, true);
     view.setFloat64(at + 8, progress, true);
-    if (spheres) {
-      view.setUint32(at + 16, states, true);
-      view.setUint32(at + 20, planes, true);
-    }
-    host.doubles(memory, 7).set(X_WT);
+    view.setUint32(at + 16, spheres ? states : 0, true);
+    view.setUint32(at + 20, spheres ? planes : 0, true);
+    host.put(memory, X_WT);
     host.do((error) => host.exports.palpate_contact_measure(handle, scene.handle, memory, at, error));
     if (spheres) {
       const { buffer } = host.exports.memory;
@@ -355,7 +366,7 @@ export class Contact extends Owned {
     return {
       status: view.getUint32(at + 24, true), boundary: view.getInt32(at + 28, true), inside: view.getInt32(at + 32, true),
       volume: view.getFloat64(at + 40, true), potential: view.getFloat64(at + 48, true),
-      force: host.numbers(at + 56, 3), torque: host.numbers(at + 80, 3), stiffness: host.doubles(at + 104, 36).slice(),
+      force: host.numbers(at + 56, 3), torque: host.numbers(at + 80, 3), stiffness: stiffness ? host.doubles(at + 104, 36).slice() : new Float64Array(36),
     };
   }
   /** Returns the address of the palpate_measure that was measured last. */
@@ -365,6 +376,8 @@ export class Contact extends Owned {
     return this.host.view.getFloat64(this.measured + 40, true);
   }
 }
+
+const STILL = [0, 0, 0];
 
 export class Hand extends Owned {
   private readonly memory: number; // pose, palpate_handle, palpate_tick
@@ -385,12 +398,12 @@ export class Hand extends Owned {
   /** Takes what `contact` measured last, at X_WT; times in s. */
   contact(contact: Contact, X_WT: PoseNumbers, time: number, captured: number): void {
     const { host, handle, memory } = this;
-    host.doubles(memory, 7).set(X_WT);
+    host.put(memory, X_WT);
     host.exports.palpate_hand_contact(handle, contact.measured, memory, time, captured);
   }
   handleAt(X_WT: PoseNumbers): number[] {
     const { host, handle, memory } = this;
-    host.doubles(memory, 7).set(X_WT);
+    host.put(memory, X_WT);
     host.exports.palpate_hand_handle_at(handle, memory, memory + 56);
     return host.numbers(memory + 56, 7);
   }
@@ -398,7 +411,10 @@ export class Hand extends Owned {
     const { host, handle: hand } = this, at = this.memory + 56, to = at + 136, { view } = host;
     view.setUint32(at, 136, true);
     view.setUint32(at + 4, handle.buttons ?? 0, true);
-    host.doubles(at + 8, 14).set([handle.time, ...Array.from(handle.X_BH), ...Array.from(handle.linear ?? [0, 0, 0]), ...Array.from(handle.angular ?? [0, 0, 0])]);
+    view.setFloat64(at + 8, handle.time, true);
+    host.put(at + 16, handle.X_BH);
+    host.put(at + 72, handle.linear ?? STILL);
+    host.put(at + 96, handle.angular ?? STILL);
     [handle.isValid ?? true, handle.wantsForce ?? false, handle.isReleased ?? false, handle.isStopping ?? false]
       .forEach((flag, i) => view.setInt32(at + 120 + 4 * i, Number(flag), true));
     view.setUint32(to, 248, true);

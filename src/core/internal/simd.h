@@ -18,6 +18,8 @@
 #else
 #include <xmmintrin.h>  // compiles in a tenth of the time
 #endif
+#elif defined(__wasm_simd128__)
+#include <wasm_simd128.h>
 #endif
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
@@ -74,6 +76,8 @@ inline VecF sqrt(VecF v) {
   return reinterpret_cast<VecF>(_mm256_sqrt_ps(reinterpret_cast<__m256>(v)));
 #elif defined(__x86_64__)
   return reinterpret_cast<VecF>(_mm_sqrt_ps(reinterpret_cast<__m128>(v)));
+#elif defined(__wasm_simd128__)
+  return reinterpret_cast<VecF>(wasm_f32x4_sqrt(reinterpret_cast<v128_t>(v)));
 #else
   for (int i = 0; i < kLanes; ++i) v[i] = std::sqrt(v[i]);
   return v;
@@ -94,6 +98,8 @@ inline std::uint32_t mask_bits(VecI mask) {
   return static_cast<std::uint32_t>(_mm256_movemask_ps(reinterpret_cast<__m256>(mask)));
 #elif defined(__x86_64__)
   return static_cast<std::uint32_t>(_mm_movemask_ps(reinterpret_cast<__m128>(mask)));
+#elif defined(__wasm_simd128__)
+  return wasm_i32x4_bitmask(reinterpret_cast<v128_t>(mask));
 #else
   std::uint32_t bits = 0;
   for (int i = 0; i < kLanes; ++i) bits |= static_cast<std::uint32_t>(mask[i] & 1) << i;

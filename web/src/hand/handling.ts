@@ -7,6 +7,7 @@ import { HoldCard } from './card';
 import { Hand } from './hand';
 import { Pointer } from './pointer';
 import { HeldKeys, moveAt, Pad, type Rates } from './rates';
+import { Vibration } from './vibration';
 
 const LEAST_FORCE = 0.02; // N: smallest force that is labeled at the tool
 
@@ -24,6 +25,7 @@ export class Handling {
   readonly hand: Hand;
   private readonly keys = new HeldKeys(() => this.hand.isMine);
   private readonly pad: Pad;
+  private readonly vibration = new Vibration();
   private hello: Hello | null = null;
   private state: State | null = null;
   private share = 0; // of the largest force
@@ -75,10 +77,12 @@ export class Handling {
   setSample(sample: Sample): void {
     const most = this.hello?.handle?.max_force;
     if (!most) return;
-    this.newtons = norm(sample.force_x, sample.force_y, sample.force_z);
+    const force: [number, number, number] = [sample.force_x, sample.force_y, sample.force_z];
+    this.newtons = norm(...force);
     this.share = this.newtons / most;
     this.links.scene.setStrain(this.share);
-    if (this.hand.isMine) this.pad.rumble(this.share);
+    if (this.hand.isMine) this.vibration.follow([force[0] / most, force[1] / most, force[2] / most], Pad.first());
+    else this.vibration.stop();
   }
 
   /** Places the force label at the hand; called once per drawing. */

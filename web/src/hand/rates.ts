@@ -51,8 +51,6 @@ export class HeldKeys {
 }
 
 const DEAD = 0.12;      // dead zone of a stick
-const SHORT = 90;       // ms, interval of rumbles
-const LEAST_SHARE = 0.01;
 const HOLD = 0, LET_GO = 1; // buttons of the standard layout: A or cross, B or circle
 
 const beyondDead = (value: number) =>
@@ -60,15 +58,14 @@ const beyondDead = (value: number) =>
 
 /**
  * The first gamepad: left stick moves in the picture, right stick moves along and turns about the line of
- * sight, the D-pad tilts; it rumbles with the force.
+ * sight, the D-pad tilts.
  */
 export class Pad {
   private pressed: boolean[] = [];
-  private rumbled = 0; // ms
 
   constructor(private readonly onHold: () => void, private readonly onLetGo: () => void) {}
 
-  private static first(): Gamepad | null {
+  static first(): Gamepad | null {
     return navigator.getGamepads?.().find((pad) => pad?.connected) ?? null;
   }
 
@@ -93,16 +90,5 @@ export class Pad {
     const button = (i: number) => (pad.buttons[i]?.pressed ? 1 : 0);
     const [up, down, left, right] = [12, 13, 14, 15].map(button);
     return [stick(0), -stick(1), -stick(3), down - up, right - left, stick(2)];
-  }
-
-  /** Rumbles by a share of the largest force. */
-  rumble(share: number): void {
-    const now = performance.now();
-    if (share < LEAST_SHARE || now < this.rumbled + SHORT) return;
-    this.rumbled = now;
-    const strong = Math.min(1, share);
-    void Pad.first()?.vibrationActuator?.playEffect?.('dual-rumble', {
-      duration: 1.3 * SHORT, strongMagnitude: strong, weakMagnitude: Math.min(1, 0.2 + 0.8 * strong),
-    }).catch(() => {}); // a gamepad without motors
   }
 }

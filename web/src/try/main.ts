@@ -85,14 +85,15 @@ class Files {
 async function begin(): Promise<void> {
   const wasm = await core();
   let files: Files | null = null;
-  const wire = new WorkerWire(wasm, (text) => files?.say(text));
   const address = new URLSearchParams(location.search);
+  const settings = [...address].filter(([key]) => key.includes('.')); // ?friction.coefficient=1.2
+  const wire = new WorkerWire(wasm, settings, (text) => files?.say(text));
   for (const [name, value] of [['plots', '0'], ['image', '0'], ['controls', '0']]) if (!address.has(name)) address.set(name, value);
   const page = new Page(address, () => wire);
   files = new Files(wasm, wire);
   Object.assign(window, {
     palpate: {
-      counters: page.counters, scene: page.scene, command: page.command.bind(page), tell: (message: object) => wire.send(JSON.stringify(message)), take: (file: File) => files?.take(file),
+      counters: page.counters, scene: page.scene, command: page.command.bind(page), tell: (message: object) => wire.send(JSON.stringify(message)), take: (file: File) => files?.take(file), readPng: readDepthPng,
       get hello() { return page.hello; }, get state() { return page.state; }, get sample() { return page.sample; },
     },
   });

@@ -8,14 +8,14 @@ export class WorkerWire implements Wire {
   onclose: ((event: CloseEvent) => void) | null = null;
   private readonly worker = new TryWorker();
 
-  constructor(core: ArrayBuffer, private readonly onTrouble: (text: string) => void) {
+  constructor(core: ArrayBuffer, settings: [string, string][], private readonly onTrouble: (text: string) => void) {
     this.worker.onmessage = (event: MessageEvent<string | ArrayBuffer | Report>) => {
       const { data } = event;
       if (typeof data === 'string' || data instanceof ArrayBuffer) this.onmessage?.(event);
       else if (data.kind === 'trouble') this.onTrouble(data.text);
     };
     this.worker.onerror = (event) => this.onTrouble(event.message);
-    this.order({ kind: 'start', core });
+    this.order({ kind: 'start', core, settings });
   }
 
   send(text: string): void {

@@ -5,7 +5,7 @@ import type { GivenImage } from './world';
 
 /** Orders of the page, beside the texts of the protocol. */
 export type Order =
-  | { kind: 'start'; core: ArrayBuffer }
+  | { kind: 'start'; core: ArrayBuffer; settings: [key: string, value: string][] }
   | { kind: 'tool'; name: string; bytes: Uint8Array }
   | { kind: 'image'; image: GivenImage }
   | { kind: 'pack'; core: ArrayBuffer; vertices: Float64Array; triangles: Uint32Array; spheres: number };
@@ -17,24 +17,33 @@ const scope = self as unknown as { postMessage(message: unknown, transfer?: Tran
 const PAUSE = 2; // ms between two wakes, which a browser may make longer
 let world: World | null = null;
 
-async function start(core: ArrayBuffer): Promise<void> {
+async function start(core: ArrayBuffer, settings: [string, string][]): Promise<void> {
   const palpate = await load(core);
-  world = new World(palpate, {
+  const run = world = new World(palpate, {
     text: (message) => scope.postMessage(JSON.stringify(message)),
     binary: (buffer) => scope.postMessage(buffer, [buffer]),
   });
-  scope.postMessage(JSON.stringify(world.hello()));
-  scope.postMessage(JSON.stringify(world.state()));
-  const begin = performance.now();
+  for (const [key, value] of settings) {
+    try {
+      run.set(key, value);
+    } catch (error) {
+      report({ kind: 'trouble', text: (error as Error).message });
+    }
+  }
+  scope.postMessage(JSON.stringify(run.hello()));
+  scope.postMessage(JSON.stringify(run.state()));
+  const begin = performance.now(), soon = new MessageChannel(); // sooner than any timer, and after messages that wait
   const wake = () => {
     try {
-      world?.run((performance.now() - begin) / 1000);
-      world?.send();
+      const hasCaughtUp = run.run((performance.now() - begin) / 1000);
+      run.send();
+      if (hasCaughtUp) setTimeout(wake, PAUSE);
+      else soon.port2.postMessage(null);
     } catch (error) {
-      return report({ kind: 'trouble', text: (error as Error).message });
+      report({ kind: 'trouble', text: (error as Error).message });
     }
-    setTimeout(wake, PAUSE);
   };
+  soon.port1.onmessage = wake;
   wake();
 }
 
@@ -55,7 +64,7 @@ scope.onmessage = ({ data }: MessageEvent<string | Order>) => {
   const fail = (error: unknown) => report({ kind: 'trouble', text: whyNot() ?? (error as Error).message });
   try {
     if (typeof data === 'string') world?.take(JSON.parse(data) as Record<string, unknown>);
-    else if (data.kind === 'start') start(data.core).catch(fail);
+    else if (data.kind === 'start') start(data.core, data.settings).catch(fail);
     else if (data.kind === 'pack') pack(data).catch(fail);
     else if (data.kind === 'tool') world?.useTool(data.bytes, data.name);
     else world?.useImage(data.image);

@@ -1,16 +1,18 @@
 // A live run inside the page: a simulated or given depth image, a tool, and the haptic loop at 1 kHz. To the page it is a program
 // that speaks docs/viewer-protocol.md.
 //
-// A browser wakes a worker every few milliseconds only, so each time all ticks since are computed, one after the other and at
-// their own times. A tick measures the contact while that is quick, else the first of a wake does. What a busy machine misses
-// passes without ticks: the clock of the run stands still, and the hand feels no jump.
+// A browser wakes a worker every few milliseconds only, so each time the ticks since are computed, one after the other and at
+// their own times, in bursts of at most 10. Behind a late wake, burst follows burst until the run has caught up: no motor waits
+// for a tick, so a late one is as good. A tick measures the contact while that is quick, else the first of a burst does. What a busy
+// machine does not compute within LONGEST_DELAY passes without ticks: the clock of the run stands still, and the hand feels no jump.
 import type { Camera, Contact, Hand, Palpate, Scene, Sensor, Simulation, Tick, Tool } from '../../core/palpate';
 import { COLUMNS, contactMessage, frameMessage, meshMessage, samplesMessage, spheresMessage } from './packets';
 import type { Image } from './packets';
 import { Follower } from './motion';
 
 const TICK = 1e-3; // s
-const MOST_TICKS = 20; // of a wake
+const MOST_TICKS = 10; // of a burst
+const LONGEST_DELAY = 100; // ticks, of the run behind the clock
 const QUICK = 0.35; // ms, a query that every tick can pay
 const FRAME_SECONDS = 0.1;
 const SILENCE = 300; // ms without a pose: nobody holds the tool
@@ -59,7 +61,7 @@ export class World {
   private contacts = 0;
   private last: Tick | null = null;
   private queryMs = 0;
-  private longestBurst = 0; // ticks
+  private longestDelay = 0; // ticks, of the run behind the clock
   private bursts = 0;
   private show = { frames: false, contacts: false, samples: false };
   private samples: number[][] = [];
@@ -127,7 +129,7 @@ export class World {
     this.isHeld = false;
     this.last = null;
     this.samples = [];
-    this.longestBurst = this.bursts = this.contacts = 0;
+    this.longestDelay = this.bursts = this.contacts = 0;
     this.measure(this.time);
   }
 
@@ -177,7 +179,7 @@ export class World {
       revision: this.revision, settings: { ...this.settings, 'packing.spheres': String(this.settings['packing.spheres']) },
       frame_number: this.frameNumber, pages: 1, ticks: this.tickNumber, missed: this.missed, lost: 0, frames: this.frameNumber,
       contacts: this.contacts, sensor_age: Math.max(0, this.time - this.nextFrame + FRAME_SECONDS), stages: [],
-      longest_burst: this.longestBurst, query_ms: this.queryMs,
+      longest_delay: this.longestDelay, query_ms: this.queryMs,
     };
   }
 
@@ -226,7 +228,7 @@ export class World {
     this.out.text(this.state());
   }
 
-  private set(key: string, value: Value): Value {
+  set(key: string, value: Value): Value {
     const before = this.settings[key], { given } = this;
     if (before === undefined) throw new Error(`There is no setting ${key} on this page.`);
     this.settings[key] = typeof before === 'number' ? Number(value) : value;
@@ -291,25 +293,25 @@ export class World {
     const progress = this.images.length > 1 ? Math.min(1, Math.max(0, 1 - (this.nextFrame - time) / FRAME_SECONDS)) : 1;
     this.contact.measure(this.scene, this.X_WT, { progress, stiffness: true });
     this.hand.contact(this.contact, this.X_WT, time, time);
-    this.queryMs += 0.05 * (performance.now() - begin - this.queryMs);
+    // A query that another program has interrupted is none that is slow.
+    this.queryMs += 0.05 * (Math.min(performance.now() - begin, 2 * QUICK) - this.queryMs);
     ++this.contacts;
   }
 
-  /** Computes all ticks until `now`, s. */
-  run(now: number): void {
-    let due = Math.floor((now - this.lost - this.time) / TICK);
-    if (due <= 0) return;
-    if (due > MOST_TICKS) {
-      this.missed += due - MOST_TICKS;
-      this.lost += (due - MOST_TICKS) * TICK;
-      due = MOST_TICKS;
-    }
-    this.longestBurst = this.bursts++ > 100 ? Math.max(this.longestBurst, due) : 0; // after the code has warmed up
+  /** Computes the next ticks until `now`, s; returns false if more of them are due. */
+  run(now: number): boolean {
+    const due = Math.floor((now - this.lost - this.time) / TICK);
+    if (due <= 0) return true;
+    const missed = Math.max(0, due - LONGEST_DELAY), num = Math.min(due - missed, MOST_TICKS);
+    this.missed += missed;
+    this.lost += missed * TICK;
+    this.longestDelay = this.bursts++ > 100 ? Math.max(this.longestDelay, due) : 0; // after the code has warmed up
     if (this.images.length > 1 && this.time >= this.nextFrame) this.takeFrame();
     const begin = performance.now();
-    if (this.isHeld && performance.now() - this.heldTime > SILENCE) this.release();
-    for (let k = 0; k < due; ++k) this.tick(k === 0);
-    this.perTick = (performance.now() - begin) / due;
+    if (this.isHeld && begin - this.heldTime > SILENCE) this.release();
+    for (let k = 0; k < num; ++k) this.tick(k === 0);
+    this.perTick = (performance.now() - begin) / num;
+    return num === due - missed;
   }
   private perTick = 0; // ms
 
