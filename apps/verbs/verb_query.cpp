@@ -115,8 +115,7 @@ std::optional<NearestPose> nearest_pose(const Tool& tool, std::span<const Surfac
       const Pose X_TC = inverse(measurements[i].X_WT) * view.to.X_WC;
       for (std::size_t k = 0; k < cloud.size(); ++k) {
         if (std::isnan(cloud.x[k])) continue;
-        const double limit =
-            nearest ? nearest->distance : std::numeric_limits<double>::infinity();
+        const double limit = nearest ? nearest->distance : std::numeric_limits<double>::infinity();
         const double distance = sphere_distance_below(
             tool, X_TC * to_double(Vec3f{cloud.x[k], cloud.y[k], cloud.z[k]}), limit);
         if (distance < limit) nearest = {distance, i};

@@ -44,8 +44,7 @@ void NearestWatch::look_at(const NewestFrame& camera, const Pose& X_TC, Pixel lo
       const std::uint16_t count = camera.count(u, v);
       if (count == 0 || count == kFarCount) continue;
       const double z = count * camera.unit;
-      const double distance =
-          sphere_distance_below(
+      const double distance = sphere_distance_below(
           tool_, X_TC * Vec3d{(u - cx) / fx * z, (v - cy) / fy * z, z}, nearest);
       if (distance >= nearest) continue;
       nearest = distance;
