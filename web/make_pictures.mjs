@@ -4,7 +4,7 @@
 //   node web/make_pictures.mjs PALPATE FOLDER [NAME ...]        (make pictures)
 //
 // The moving picture is a recording, looked at from moment to moment: so it is as smooth on a machine that draws in
-// software. ffmpeg makes WebP of all of them.
+// software. ffmpeg makes WebP of all of them. For the same reason all runs have a simulated clock, but that of the page that holds a tool.
 import { spawn, spawnSync } from 'node:child_process';
 import { existsSync, mkdtempSync, readFileSync, rmSync, statSync } from 'node:fs';
 import { createRequire } from 'node:module';
@@ -58,7 +58,7 @@ const kept = (name) => join(folder, `${name}.png`);
 
 /// Writes screenshots as WebP, side by side if there are two.
 function write(name, shots) {
-  const beside = shots.length > 1 ? ['-filter_complex', `hstack=inputs=${shots.length}`] : [];
+  const beside = shots.length > 1 ? ['-filter_complex', '[0]scale=-2:360[a];[1]scale=-2:360[b];[a][b]hstack'] : [];
   ffmpeg([...shots.flatMap((shot) => ['-i', shot]), ...beside, '-c:v', 'libwebp', '-quality', '82', join(output, name)]);
 }
 
@@ -186,12 +186,13 @@ const pictures = {
     return [shot];
   },
   async viewer() {
-    shell(shown('viewer', '--view -o live1').replace(' --view', '').replace('--duration 60', '--duration 5'));
+    shell(shown('viewer', '--view -o live1').replace('--device sim --duration 60 --view', '--coupling virtual --duration 4'));
     return [await moment('live1', 2.5, { address: '', size: { width: 1280, height: 760 } })];
   },
   async hand() {
-    shell(shown('haptics', '-o live1', /devices|replay/).replaceAll('live1', 'rendered'));
-    return [await report('rendered/report.html', { part: 'h2:text("What the hand felt") + figure.plot' })];
+    shell(shown('haptics', '-o live1', /devices|replay|live1/));
+    shell(shown('haptics', '-o coupled'));
+    return [await report('coupled/report.html', { part: 'h2:text("What the hand felt") + figure.plot' })];
   },
   async 'two-cameras'() {
     shell(shown('several-cameras', '-o two-cameras', /one-camera|replay/));
@@ -206,7 +207,7 @@ const pictures = {
     return [await report('ring.html')];
   },
   async cameras() {
-    shell(shown('cameras', '-o live/', /folder:|palpate cameras/));
+    shell(shown('cameras', '-o live/', /folder:|palpate cameras/).replace('--device sim', ''));
     return [await report('live/report.html', { clicks: ['camera', 'by depth'] })];
   },
   async memory() {
