@@ -4,7 +4,8 @@
 //   node web/make_pictures.mjs PALPATE FOLDER [NAME ...]        (make pictures)
 //
 // The moving picture is a recording, looked at from moment to moment: so it is as smooth on a machine that draws in
-// software. ffmpeg makes WebP of all of them. For the same reason all runs have a simulated clock, but that of the page that holds a tool.
+// software. ffmpeg makes WebP of all of them. For the same reason runs have a simulated clock,
+// but those of the page that holds a tool and of ROS 2.
 import { spawn, spawnSync } from 'node:child_process';
 import { existsSync, mkdtempSync, readFileSync, rmSync, statSync } from 'node:fs';
 import { createRequire } from 'node:module';
