@@ -4,8 +4,7 @@
 //   node web/make_pictures.mjs PALPATE FOLDER [NAME ...]        (make pictures)
 //
 // The moving picture is a recording, looked at from moment to moment: so it is as smooth on a machine that draws in
-// software. ffmpeg makes WebP of all of them. For the same reason runs have a simulated clock,
-// but those of the page that holds a tool and of ROS 2.
+// software. ffmpeg makes WebP of all of them. For the same reason all runs have a simulated clock.
 import { spawn, spawnSync } from 'node:child_process';
 import { existsSync, mkdtempSync, readFileSync, rmSync, statSync } from 'node:fs';
 import { createRequire } from 'node:module';
@@ -168,24 +167,6 @@ const pictures = {
     shell('palpate touch pen.palp --scene hand --duration 5 -o reported');
     return [await report('reported/report.html')];
   },
-  async held() {
-    makePen();
-    const shot = kept('held');
-    // Drawn coarsely, so that a machine that draws in software still follows the hand.
-    await served(['touch', 'pen.palp', '--scene', 'hand', '--device', 'page', '--view-port', '0', '-o', 'mine'],
-      'stride=4&plots=0&image=0&controls=0', { width: 800, height: 500 }, async (page) => {
-        await page.getByRole('button', { name: 'hold the tool (T)' }).click();
-        const push = page.getByRole('button', { name: 'push the tool away from you (Page up)' });
-        const box = await push.boundingBox();
-        await page.mouse.move(box.x + 0.5 * box.width, box.y + 0.5 * box.height);
-        await page.mouse.down();
-        await until('a force', () => page.evaluate(() =>
-          Math.hypot(...['x', 'y', 'z'].map((axis) => window.palpate.sample[`force_${axis}`])) > 4));
-        await page.mouse.up();
-        await page.screenshot({ path: shot });
-      });
-    return [shot];
-  },
   async viewer() {
     shell(shown('viewer', '--view -o live1').replace('--device sim --duration 60 --view', '--coupling virtual --duration 4'));
     return [await moment('live1', 2.5, { address: '', size: { width: 1280, height: 760 } })];
@@ -228,12 +209,6 @@ const pictures = {
   async block() {
     shell(shown('several-bodies', '--object').replaceAll('run/', 'block/'));
     return [await report('block/report.html')];
-  },
-  async ros2() { // beside the robot of the tests
-    shell(shown('ros2', 'palpate shape'));
-    shell(shown('ros2', 'palpate-ros2', /setup|palpate view/)
-      .replaceAll(/(build|tests)\//g, `${fileURLToPath(new URL('..', import.meta.url))}$1/`));
-    return [await moment('palpate-ros2', 5)];
   },
   async 'two-runs'() {
     makePen();
