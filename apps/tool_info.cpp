@@ -93,7 +93,7 @@ std::string describe(const Tool& tool, const Standoff& standoff) {
   const LeafGraph& graph = tool.graph();
   const Vec3d worst = standoff.worst * 1000;
   return "source        " + tool.source() + "\n" +
-         text("mesh          %zu triangles, %.4g x %.4g x %.4g mm, %.6g cm3\n",
+         text("mesh          %zu triangles, %.4g x %.4g x %.4g mm, %.6g cm³\n",
               tool.mesh().triangles.size(), size.x, size.y, size.z, tool.mesh_mass().volume * 1e6) +
          text("bounds        %.4g %.4g %.4g ... %.4g %.4g %.4g mm\n", box.low.x * 1000,
               box.low.y * 1000, box.low.z * 1000, box.high.x * 1000, box.high.y * 1000,

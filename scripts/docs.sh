@@ -22,7 +22,7 @@ for source in examples/*.cpp examples/*.py; do
   printf '\n## %s\n\n```%s\n%s\n```\n' "$(basename $source)" "${source##*.}" "$(cat $source)"
 done >>$out/pages/examples.md
 sed -E 's#\]\(docs/#](#g' CHANGELOG.md >$out/pages/changelog.md
-find $out/pages/guide -name '*.md' -exec sed -i -E \
+find $out/pages/guide $out/pages/reference -name '*.md' -exec sed -i -E \
   's#\]\(\.\./\.\./examples/README\.md\)#](../examples.md)#g; s#\]\(\.\./\.\./examples/([0-9a-z_]+)\.(cpp|py)\)#](../examples.md\#\1\2)#g' {} +
 {
   printf '# Decisions\n\nWhy things are as they are, one page for each.\n\n'

@@ -4,7 +4,7 @@
 //   node web/make_pictures.mjs PALPATE FOLDER [NAME ...]        (make pictures)
 //
 // The moving picture is a recording, looked at from moment to moment: so it is as smooth on a machine that draws in
-// software. ffmpeg puts its moments together.
+// software. ffmpeg makes WebP of all of them. For the same reason all runs have a simulated clock.
 import { spawn, spawnSync } from 'node:child_process';
 import { existsSync, mkdtempSync, readFileSync, rmSync, statSync } from 'node:fs';
 import { createRequire } from 'node:module';
@@ -53,8 +53,22 @@ function shown(guide, text, without = /$^/) {
   return block.replaceAll('\\\n', ' ').split('\n').filter((line) => !without.test(line)).join('\n');
 }
 
-/// The 3-D picture of a report, or another part of it.
-async function report(page, name, { part = 'figure.picture .place', clicks = [], width = 960, height = 900 } = {}) {
+/// Screenshots are kept here until they are written.
+const kept = (name) => join(folder, `${name}.png`);
+
+/// Writes screenshots as WebP, side by side if there are two.
+function write(name, shots) {
+  const beside = shots.length > 1 ? ['-filter_complex', '[0]scale=-2:360[a];[1]scale=-2:360[b];[a][b]hstack'] : [];
+  ffmpeg([...shots.flatMap((shot) => ['-i', shot]), ...beside, '-c:v', 'libwebp', '-quality', '82', join(output, name)]);
+}
+
+function ffmpeg(words) {
+  const { status, stderr } = spawnSync('ffmpeg', ['-y', '-loglevel', 'error', ...words]);
+  if (status !== 0) fail(`ffmpeg (package ffmpeg): ${stderr}`);
+}
+
+/// A screenshot of the 3-D picture of a report, or of another part of it.
+async function report(page, { part = 'figure.picture .place', clicks = [], width = 960, height = 900 } = {}) {
   const view = await browser.newPage({ viewport: { width, height }, colorScheme: 'dark' });
   view.setDefaultTimeout(0);
   await view.goto(pathToFileURL(join(folder, page)).href);
@@ -64,28 +78,37 @@ async function report(page, name, { part = 'figure.picture .place', clicks = [],
   const at = view.locator(part).first();
   await at.scrollIntoViewIfNeeded();
   await sleep(3000); // it glides
-  await at.screenshot({ path: join(output, name), type: 'jpeg', quality: 84 });
+  const shot = kept(page.replaceAll('/', '-'));
+  await at.screenshot({ path: shot });
   await view.close();
+  return shot;
 }
 
-/// Serves a recording, and calls `look` with its page, without panels.
-async function viewed(run, look, { width, height }) {
-  const server = spawn(palpate, ['view', join(folder, run), '--port', '0']);
+/// Starts a command that serves a page, calls `look` with the page, and ends the command as Ctrl-C does.
+async function served(words, address, size, look) {
+  const server = spawn(palpate, words, { cwd: folder });
   const ended = new Promise((resolve) => server.on('close', resolve));
   let said = '';
   for (const stream of [server.stdout, server.stderr]) stream.on('data', (text) => { said += text; });
   const url = await until('an address', () => said.match(/http:\/\/\S+/)?.[0]);
-  const page = await browser.newPage({ viewport: { width, height }, colorScheme: 'dark' });
+  const page = await browser.newPage({ viewport: size, colorScheme: 'dark' });
   page.setDefaultTimeout(0);
-  await page.goto(`${url}?stride=2&plots=0&image=0&controls=0`);
+  await page.goto(`${url}?${address}`);
   await until('the tool', () => page.evaluate(() => window.palpate.sample && window.palpate.state));
-  await page.evaluate(() => { Object.assign(window.palpate.governor, { enabled: false, fine: true }); }); // full detail, however slow
-  await page.addStyleTag({ content: '.banner, .hint { display: none !important; }' });
-  await page.evaluate(() => window.palpate.command({ command: 'pause' }));
   await look(page);
   await page.close();
   server.kill('SIGINT');
   await ended;
+}
+
+/// Serves a recording that stands still and is drawn completely, however slow.
+async function viewed(run, address, size, look) {
+  await served(['view', run, '--port', '0'], `stride=2&${address}`, size, async (page) => {
+    await page.evaluate(() => { Object.assign(window.palpate.governor, { enabled: false, fine: true }); });
+    await page.addStyleTag({ content: '.banner, .hint { display: none !important; }' });
+    await page.evaluate(() => window.palpate.command({ command: 'pause' }));
+    await look(page);
+  });
 }
 
 /// Shows a moment of a recording, completely.
@@ -97,20 +120,33 @@ async function seek(page, time) {
   await page.evaluate(() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn))));
 }
 
-const pen = 'palpate shape stylus --size 0.12 -o pen.stl && palpate pack pen.stl --spheres 2000 -o pen.palp';
-let hasPen = false;
-function makePen() {
-  if (!hasPen) shell(pen);
-  hasPen = true;
+/// A screenshot of a recording at a time, seen from beside the push.
+async function moment(run, time, { address = 'plots=0&image=0&controls=0', size = { width: 960, height: 540 } } = {}) {
+  const shot = kept(run);
+  await viewed(run, address, size, async (page) => {
+    await seek(page, time);
+    await page.evaluate(() => window.palpate.scene.resetView());
+    await sleep(3000); // it glides
+    await page.screenshot({ path: shot });
+  });
+  return shot;
 }
 
-/// Each picture by its name.
+const made = new Set();
+/// Runs commands that several pictures need once.
+function once(commands) {
+  if (!made.has(commands)) shell(commands);
+  made.add(commands);
+}
+const makePen = () => once('palpate shape stylus --size 0.12 -o pen.stl && palpate pack pen.stl --spheres 2000 -o pen.palp');
+
+/// Each picture by its name; it returns its screenshots, or null if it has written the picture itself.
 const pictures = {
-  async 'pressed.webp'(name) {
+  async pressed(name) {
     makePen();
     shell('palpate touch pen.palp --scene hand -o pressed');
     const rate = 6, from = 2.8, to = 6.8, size = { width: 960, height: 540 };
-    await viewed('pressed', async (page) => {
+    await viewed('pressed', 'plots=0&image=0&controls=0', size, async (page) => {
       await page.addStyleTag({ content: '.legend, .dock, .timeline { display: none !important; }' });
       await seek(page, 4.4);
       await page.evaluate(() => window.palpate.scene.resetView());
@@ -119,41 +155,82 @@ const pictures = {
       await sleep(3000); // it glides
       for (let i = 0; i < rate * (to - from); ++i) {
         await seek(page, from + i / rate);
-        await page.screenshot({ path: join(folder, `moment-${String(i).padStart(3, '0')}.png`) });
+        await page.screenshot({ path: kept(`moment-${String(i).padStart(3, '0')}`) });
       }
-    }, size);
-    const { status, stderr } = spawnSync('ffmpeg', ['-y', '-framerate', String(rate), '-i', join(folder, 'moment-%03d.png'),
-      '-c:v', 'libwebp_anim', '-quality', '60', '-compression_level', '6', '-loop', '0', join(output, name)]);
-    if (status !== 0) fail(`ffmpeg (package ffmpeg): ${stderr}`);
+    });
+    ffmpeg(['-framerate', String(rate), '-i', kept('moment-%03d'), '-c:v', 'libwebp_anim', '-quality', '60',
+      '-compression_level', '6', '-loop', '0', join(output, name)]);
+    return null;
   },
-  async 'report.jpg'(name) {
+  async report() {
     makePen();
     shell('palpate touch pen.palp --scene hand --duration 5 -o reported');
-    await report('reported/report.html', name);
+    return [await report('reported/report.html')];
   },
-  async 'two-cameras.jpg'(name) {
+  async viewer() {
+    shell(shown('viewer', '--view -o live1').replace('--device sim --duration 60 --view', '--coupling virtual --duration 4'));
+    return [await moment('live1', 2.5, { address: '', size: { width: 1280, height: 760 } })];
+  },
+  async hand() {
+    shell(shown('haptics', '-o live1', /devices|replay|live1/));
+    shell(shown('haptics', '-o coupled'));
+    return [await report('coupled/report.html', { part: 'h2:text("What the hand felt") + figure.plot' })];
+  },
+  async 'two-cameras'() {
     shell(shown('several-cameras', '-o two-cameras', /one-camera|replay/));
-    await report('two-cameras/report.html', name);
+    return [await report('two-cameras/report.html')];
   },
-  async 'pushed.jpg'(name) {
+  async pushed() {
     shell(shown('moving-bodies', '-o pushed'));
-    await report('pushed/report.html', name);
+    return [await report('pushed/report.html')];
   },
-  async 'ring.jpg'(name) {
+  async ring() {
     shell(shown('packing', '-o ring.palp'));
-    await report('ring.html', name);
+    return [await report('ring.html')];
   },
-  async 'two-runs.jpg'(name) {
+  async cameras() {
+    shell(shown('cameras', '-o live/', /folder:|palpate cameras/).replace('--device sim', ''));
+    return [await report('live/report.html', { clicks: ['camera', 'by depth'] })];
+  },
+  async memory() {
+    shell(shown('memory', '-o remembered', /replay/));
+    const size = { width: 560, height: 900 };
+    return [await report('forgotten/report.html', size), await report('remembered/report.html', size)];
+  },
+  async robot() {
+    shell(shown('robot', '-o without-robot', /replay/));
+    const size = { width: 560, height: 900 };
+    return [await report('with-robot/report.html', size), await report('without-robot/report.html', size)];
+  },
+  async rough() {
+    shell(shown('materials', '-o rough', /ridges/));
+    return [await report('rough/report.html')];
+  },
+  async block() {
+    shell(shown('several-bodies', '--object').replaceAll('run/', 'block/'));
+    return [await report('block/report.html')];
+  },
+  async 'two-runs'() {
     makePen();
     shell('palpate touch pen.palp --scene hand --duration 5 -o run && palpate replay run -o other --method graph --time latest && ' +
       'palpate report run other -o both.html');
-    await report('both.html', name, { part: 'figure.plot' });
+    return [await report('both.html', { part: 'figure.plot' })];
+  },
+  async methods() {
+    shell(shown('contact-methods', '-o methods.html'));
+    return [await report('methods.html', { part: 'figure.plot' })];
+  },
+  async time() {
+    shell(shown('time', '-o times.html'));
+    return [await report('times.html', { part: 'figure.plot' })];
   },
 };
 
 for (const [name, make] of Object.entries(pictures)) {
-  if (names.length > 0 && !names.includes(name)) continue;
-  await make(name);
-  console.log(`${name}: ${Math.round(statSync(join(output, name)).size / 1024)} KiB`);
+  const file = `${name}.webp`;
+  if (names.length > 0 && !names.includes(name) && !names.includes(file)) continue;
+  const shots = await make(file);
+  if (shots) write(file, shots);
+  console.log(`${file}: ${Math.round(statSync(join(output, file)).size / 1024)} KiB`);
 }
 await browser.close();

@@ -144,29 +144,36 @@ class TickWatch {
   std::uint64_t counted_number_ = 0;
 };
 
+std::string counted(std::uint64_t number, const char* name) {
+  return std::to_string(number) + " " + name + (number == 1 ? "" : "s");
+}
+
+/// Prints what the tool felt, and what was computed for it.
 void print_result(const Tool& tool, const RunOutcome& outcome) {
   const LoopReport& loop = outcome.loop;
   const RunPeaks& peaks = outcome.peaks;
-  char text[240];
-  std::snprintf(text, sizeof text,
-                "%llu ticks, %llu queries, %llu frames in %.2f s; deepest %.4g cm3 (%.2f %% of the "
-                "tool) at %.3f s, largest force on the tool %.3g N\n",
-                static_cast<unsigned long long>(loop.num_ticks),
-                static_cast<unsigned long long>(loop.num_contacts),
-                static_cast<unsigned long long>(loop.num_frames), loop.seconds, peaks.volume * 1e6,
-                100 * peaks.volume / full_volume(tool, outcome.settings.contact), peaks.volume_time,
-                peaks.contact_force);
-  results() << text;
+  char text[160];
   if (outcome.nearest) {
     std::snprintf(text, sizeof text, "the tool never touched; nearest %.2g m at %.1f s\n",
                   outcome.nearest->distance, outcome.nearest->time);
-    results() << text;
+  } else {
+    std::snprintf(text, sizeof text,
+                  "largest force on the tool %.3g N; deepest %.4g cm³ (%.2f %% of the tool) at "
+                  "%.3f s\n",
+                  peaks.contact_force, peaks.volume * 1e6,
+                  100 * peaks.volume / full_volume(tool, outcome.settings.contact),
+                  peaks.volume_time);
   }
+  results() << text;
   if (!outcome.settings.objects.empty()) {
-    std::snprintf(text, sizeof text, "deepest in objects %.4g cm3\n", peaks.objects_volume * 1e6);
+    std::snprintf(text, sizeof text, "deepest in objects %.4g cm³\n", peaks.objects_volume * 1e6);
     results() << text;
   }
-  if (!loop.ending.empty()) results() << "ended because " << loop.ending << "\n";
+  std::snprintf(text, sizeof text, " in %.2f s\n", loop.seconds);
+  results() << counted(loop.num_ticks, "tick") << ", " << loop.num_contacts
+            << (loop.num_contacts == 1 ? " query, " : " queries, ")
+            << counted(loop.num_frames, "depth frame") << text;
+  if (!loop.ending.empty()) results() << "end: " << loop.ending << "\n";
 }
 
 void print_probe(const ProbeChoice& probe) {

@@ -1,5 +1,6 @@
 #include "apps/verbs/query_results.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -91,9 +92,10 @@ void print_results_json(const QueryOptions& options, const RunSettings& settings
 void print_results_table(const QueryOptions& options, double tool_volume,
                          const std::vector<QueryMeasurement>& measurements) {
   const bool has_objects = !options.objects.empty();
-  std::printf("%5s %12s %8s %36s %36s %8s %8s %8s %9s%s%s\n", "pose", "volume m3", "% tool",
-              "force measure m3", "torque measure m4", "boundary", "inside", "points", "us",
-              has_objects ? "   objects m3" : "", options.wants_clearance ? "  clearance m" : "");
+  // Superscripts and µ have two bytes, so that their columns are a byte wider.
+  std::printf("%5s %13s %8s %37s %37s %8s %8s %8s %10s%s%s\n", "pose", "volume m³", "% tool",
+              "force measure m³", "torque measure m⁴", "boundary", "inside", "points", "µs",
+              has_objects ? "   objects m³" : "", options.wants_clearance ? "  clearance m" : "");
   if (options.std) {
     std::printf("%5s %12s %8s %36s %36s\n", "", "and its std", "", "and its std", "and its std");
   }
@@ -116,9 +118,15 @@ void print_results_table(const QueryOptions& options, double tool_volume,
     }
     if (options.stiffness == 0) continue;
     const Vec3d F = options.stiffness * f, M = options.stiffness * m;
-    std::printf("%5s at %g N/m3: force %.4g %.4g %.4g N, torque %.4g %.4g %.4g N m\n", "",
+    std::printf("%5s at %g N/m³: force %.4g %.4g %.4g N, torque %.4g %.4g %.4g N m\n", "",
                 options.stiffness, F.x, F.y, F.z, M.x, M.y, M.z);
   }
+}
+
+void print_nearest(const NearestPose& nearest, std::size_t num_poses) {
+  std::printf("the tool never touches; nearest %.2g m", std::max(0.0, nearest.distance));
+  if (num_poses > 1) std::printf(" at pose %zu", nearest.pose);
+  std::puts("");
 }
 
 }  // namespace palpate::apps

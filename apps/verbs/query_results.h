@@ -53,7 +53,15 @@ std::string camera_name(std::size_t number);
 void print_results_json(const QueryOptions& options, const RunSettings& settings, const Tool& tool,
                         const Pose& X_WCamera, Backend backend, std::size_t num_usable,
                         double tool_volume, const std::vector<QueryMeasurement>& measurements);
-/// The same as a table.
+/// A pose that comes near to what the cameras measured.
+struct NearestPose {
+  double distance = 0;  ///< m
+  std::size_t pose = 0;
+};
+
+/// Prints that no pose touches, and how near the nearest of `num_poses` is.
+void print_nearest(const NearestPose& nearest, std::size_t num_poses);
+/// The same as print_results_json(), as a table.
 void print_results_table(const QueryOptions& options, double tool_volume,
                          const std::vector<QueryMeasurement>& measurements);
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <iostream>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -25,6 +26,7 @@
 #include "src/run/internal/pipeline.h"
 #include "src/run/internal/reported_output.h"
 #include "src/session/internal/more_than_whole.h"
+#include "src/session/internal/sphere_distance.h"
 
 namespace palpate::apps {
 namespace {
@@ -97,6 +99,30 @@ Status find_clearance(const QueryOptions& options, const Tool& tool, const Froze
     std::copy_n(&gradient[6 * i], 6, measurements[i].clearance_gradient.begin());
   }
   return status;
+}
+
+/// Returns how near the tool comes to what the cameras measured, at the nearest of all poses; none
+/// if it touches, if nothing was measured, or for more poses than a user looks at.
+std::optional<NearestPose> nearest_pose(const Tool& tool, std::span<const SurfaceBlend> views,
+                                        const std::vector<QueryMeasurement>& measurements) {
+  constexpr std::size_t kMaxPoses = 100;
+  std::optional<NearestPose> nearest;
+  if (measurements.size() > kMaxPoses) return nearest;
+  for (std::size_t i = 0; i < measurements.size(); ++i) {
+    if (measurements[i].penetration.volume > 0) return std::nullopt;
+    for (const SurfaceBlend& view : views) {
+      const PointCloudView& cloud = view.to.cloud;
+      const Pose X_TC = inverse(measurements[i].X_WT) * view.to.X_WC;
+      for (std::size_t k = 0; k < cloud.size(); ++k) {
+        if (std::isnan(cloud.x[k])) continue;
+        const double limit = nearest ? nearest->distance : std::numeric_limits<double>::infinity();
+        const double distance = sphere_distance_below(
+            tool, X_TC * to_double(Vec3f{cloud.x[k], cloud.y[k], cloud.z[k]}), limit);
+        if (distance < limit) nearest = {distance, i};
+      }
+    }
+  }
+  return nearest;
 }
 
 /// Returns the named frames of the query's cameras.
@@ -196,6 +222,9 @@ Status run(const QueryOptions& given) {
                        scene->num_usable(), tool_volume, measurements);
   } else {
     print_results_table(options, tool_volume, measurements);
+    if (const auto nearest = nearest_pose(*tool, scene->views(), measurements)) {
+      print_nearest(*nearest, measurements.size());
+    }
     if (!options.caps.file.empty()) {
       results() << "written       " << options.caps.file << ", " << num_caps_triangles
                 << " triangles\n";

@@ -36,7 +36,7 @@ SERVES = re.compile(r"\bpalpate (view|try)\b|--view\b|--device page\b")
 
 def pages():
     return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")),
-            *sorted((ROOT / "docs/guide").glob("*.md"))]
+            *sorted((ROOT / "docs/guide").glob("*.md")), *sorted((ROOT / "docs/reference").glob("*.md"))]
 
 
 def blocks(text):

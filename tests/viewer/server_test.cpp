@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
 #include <map>
 #include <memory>
 #include <string>
@@ -208,6 +210,19 @@ TEST(ViewServer, MakesATokenWhereOneIsNeeded) {
   EXPECT_EQ(PageClient(second.port, "/ws?token=" + token(second)).status(), 101);
   EXPECT_EQ(PageClient(second.port, "/ws?token=" + token(first)).status(), 401);
   EXPECT_EQ(Fixture().server->url().find("token"), std::string::npos);
+}
+
+TEST(ViewServer, ForAllNamesAnAddressOfThisComputer) {
+  const Fixture fixture({}, {.address = "0.0.0.0", .token = kToken});
+  const std::string url = fixture.server->url();
+  const std::string host = url.substr(7, url.find(':', 7) - 7);
+  boost::system::error_code error;
+  const auto address = boost::asio::ip::make_address(host, error);
+  if (error) GTEST_SKIP() << "no network: " << url;
+  EXPECT_FALSE(address.is_unspecified());
+  boost::asio::io_context context;
+  boost::asio::ip::tcp::socket socket(context);
+  EXPECT_NO_THROW(socket.connect({address, static_cast<std::uint16_t>(fixture.port)}));
 }
 
 TEST(ViewServer, SaysWhyItCannotStart) {

@@ -19,6 +19,10 @@ export class Envelope {
     this.interval = -1;
   }
 
+  get firstTime(): number {
+    return this.end > 0 ? this.times[Math.max(0, this.end - this.kept)] : 0;
+  }
+
   get lastTime(): number {
     return this.end > 0 ? this.times[this.end - 1] : 0;
   }

@@ -179,6 +179,7 @@ export class Page implements Listener {
       case 'edges': return this.scene.setEdges(message.edges);
       case 'spheres':
         this.image.setSpheres(message.spheres);
+        this.readouts.setSpheres(message.spheres);
         this.scene.setSpheres(message.spheres);
         return this.drawing.requestDraw();
       case 'graph':

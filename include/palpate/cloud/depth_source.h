@@ -242,8 +242,8 @@ inline void add_settings(SettingTable& t, DepthAverageOptions& o) {
         "kalman: number of neighboring pixels with correlated noise");
 }
 
-/// kalman: noise settings for a kind of sensor (docs/guide/cameras.md, "By kind of sensor"). For
-/// none: the defaults.
+/// kalman: noise settings for a kind of sensor (docs/reference/cameras.md, "By kind of sensor").
+/// For none: the defaults.
 DepthAverageOptions depth_average_options_for(SensorKind sensor);
 
 /// Averages depth over time. Owns all buffers for one image size; `update` allocates nothing.

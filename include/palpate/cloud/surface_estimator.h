@@ -143,7 +143,7 @@ inline void add_settings(SettingTable& t, SurfaceOptions& o) {
 }
 /// Checks the options. Errors: a setting out of range; min_depth greater than max_depth.
 Status check(const SurfaceOptions& options);
-/// Options for the noise and the edges of a kind of sensor (docs/guide/cameras.md, "By kind of
+/// Options for the noise and the edges of a kind of sensor (docs/reference/cameras.md, "By kind of
 /// sensor"). For none: the defaults.
 SurfaceOptions surface_options_for(SensorKind sensor);
 

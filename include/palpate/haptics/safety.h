@@ -13,7 +13,7 @@
 namespace palpate { inline namespace v0 {
 
 // The state machine of faults and recovery: decides when the hand gets a force.
-// docs/guide/haptics.md has the diagram.
+// docs/reference/haptics.md has the diagram.
 
 /// Reason for no force.
 enum class Fault : std::uint8_t {

@@ -1,9 +1,10 @@
 #include "src/session/recording/nearest_watch.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
+
+#include "src/session/internal/sphere_distance.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -43,30 +44,13 @@ void NearestWatch::look_at(const NewestFrame& camera, const Pose& X_TC, Pixel lo
       const std::uint16_t count = camera.count(u, v);
       if (count == 0 || count == kFarCount) continue;
       const double z = count * camera.unit;
-      const double distance =
-          distance_below(X_TC * Vec3d{(u - cx) / fx * z, (v - cy) / fy * z, z}, nearest);
+      const double distance = sphere_distance_below(
+          tool_, X_TC * Vec3d{(u - cx) / fx * z, (v - cy) / fy * z, z}, nearest);
       if (distance >= nearest) continue;
       nearest = distance;
       at = {u, v};
     }
   }
-}
-
-/// Returns the distance of a point from the spheres if it is below `limit`; else `limit`.
-double NearestWatch::distance_below(const Vec3d& p_T, double limit) const {
-  const auto nodes = tool_.tree().nodes();
-  std::array<std::int32_t, InnerSphereTree::kMaxWaiting> waiting;
-  std::size_t num_waiting = 0;
-  waiting[num_waiting++] = 0;
-  while (num_waiting > 0) {
-    const IstNode& node = nodes[static_cast<std::size_t>(waiting[--num_waiting])];
-    const double distance =
-        norm(p_T - to_double(node.bound.center)) - static_cast<double>(node.bound.radius);
-    if (distance >= limit) continue;
-    if (node.num_children == 0) limit = distance;
-    for (int k = 0; k < node.num_children; ++k) waiting[num_waiting++] = node.first_child + k;
-  }
-  return limit;
 }
 
 }}  // namespace palpate::v0

@@ -37,7 +37,6 @@ class NearestWatch {
   void look(const NewestFrame& camera, const ContactRecord& contact);
   void look_at(const NewestFrame& camera, const Pose& X_TC, Pixel low, Pixel high, int step,
                double& nearest, Pixel& at) const;
-  double distance_below(const Vec3d& p_T, double limit) const;
 
   const Tool& tool_;
   bool has_touched_ = false;

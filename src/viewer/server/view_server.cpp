@@ -3,6 +3,7 @@
 #include "src/viewer/server/connections.h"
 
 #include <boost/asio/ip/host_name.hpp>
+#include <boost/asio/ip/udp.hpp>
 #include <boost/asio/ip/v6_only.hpp>
 #include <exception>
 #include <new>
@@ -20,6 +21,19 @@ using std::chrono::milliseconds;
 
 constexpr std::size_t kMaxConnections = 64;  // limit of those that are not pages
 constexpr milliseconds kQuickTick{16}, kSlowTick{250};
+
+/// Returns the address by which other computers reach this one; its name if it has no network.
+std::string name_in_network() {
+  error_code error;
+  asio::io_context context;
+  asio::ip::udp::socket socket(context);
+  socket.connect({asio::ip::make_address_v4("192.0.2.1"), 9}, error);  // sends nothing
+  if (!error) {
+    const auto here = socket.local_endpoint(error);
+    if (!error) return here.address().to_string();
+  }
+  return asio::ip::host_name(error);
+}
 
 class Server : public ViewServer {
  public:
@@ -57,9 +71,7 @@ class Server : public ViewServer {
   }
 
   std::string url() const override {
-    error_code error;
-    std::string host = address_.to_string();
-    if (address_.is_unspecified()) host = asio::ip::host_name(error);
+    std::string host = address_.is_unspecified() ? name_in_network() : address_.to_string();
     if (host.find(':') != std::string::npos) host = '[' + host + ']';
     const std::string query = shared_.token.empty() ? "" : "?token=" + shared_.token;
     return "http://" + host + ':' + std::to_string(port_) + '/' + query;

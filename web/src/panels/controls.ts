@@ -66,30 +66,34 @@ export class Controls {
 
   private addShow(folder: GUI, hello: Hello): void {
     const { options } = this;
-    const add = (name: keyof SceneOptions, words: string, ...how: unknown[]) =>
-      (folder.add as (...all: unknown[]) => Controller)(options, name, ...how)
+    const addTo = (to: GUI) => (name: keyof SceneOptions, words: string, ...how: unknown[]) =>
+      (to.add as (...all: unknown[]) => Controller).call(to, options, name, ...how)
         .name(words)
         .onChange(() => this.actions.onOptions());
+    const add = addTo(folder);
     const hasScene = hello.streams.length > 0;
-    add('toolLook', 'tool', { spheres: 'spheres', 'caps, cut exactly': 'caps', mesh: 'mesh', hidden: 'hidden' });
-    if (hasScene) add('outside', 'spheres outside');
-    if (hasScene) add('sphereColor', 'sphere color', { state: 'state', 'deciding camera': 'camera' });
+    add('toolLook', 'tool', { spheres: 'spheres', 'cut spheres': 'caps', mesh: 'mesh', hidden: 'hidden' });
     add('view', 'view', hasScene ? { free: 'free', camera: 'camera', 'from above': 'bird', tool: 'tool' } : { free: 'free', tool: 'tool' });
     if (hasScene) {
       add('cloud', 'cloud');
       add('cloudColor', 'cloud color', { shaded: 'shaded', depth: 'depth', normals: 'normals' });
-      add('pointSize', 'point size', 1, 8, 0.5);
-      add('stride', 'every n-th pixel', 1, 8, 1);
       add('arrows', 'force and torque');
       add('ghost', 'ghost of the hand');
       add('trace', 'path of the tool');
       add('fog', 'fog where no camera sees');
-      add('normals', 'normals');
-      add('edges', 'depth changes');
-      add('edgePlanes', 'edge planes');
     }
-    add('graph', 'sphere graph');
-    add('treeLevel', 'tree level', -1, 12, 1);
+    const more = addTo(folder.addFolder('More to show').close());
+    if (hasScene) {
+      more('outside', 'spheres outside');
+      more('sphereColor', 'sphere color', { state: 'state', 'deciding camera': 'camera' });
+      more('pointSize', 'point size', 1, 8, 0.5);
+      more('stride', 'every n-th pixel', 1, 8, 1);
+      more('normals', 'normals');
+      more('edges', 'depth changes');
+      more('edgePlanes', 'edge planes');
+    }
+    more('graph', 'sphere graph');
+    more('treeLevel', 'tree level', -1, 12, 1);
   }
 
   private addControl(folder: GUI, control: Control, name: string): void {

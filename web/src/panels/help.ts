@@ -25,6 +25,9 @@ export const KEYS: [keys: string, does: string][] = [
   ['?', 'this help'],
 ];
 
+/** True if the main pointer is a finger: then there are mostly no keys. */
+const isTouch = () => matchMedia('(pointer: coarse)').matches;
+
 /** Dialog of keys and pointer gestures. */
 export class Help {
   readonly root = element('dialog', 'help');
@@ -35,8 +38,10 @@ export class Help {
     const close = button('round', 'close', () => this.root.close(), icon('close'));
     this.root.append(
       element('h2', '', 'Looking around', close),
-      element('p', '', 'Drag to turn, scroll or pinch to zoom, drag with the right button or two fingers to move.'),
-      element('table', '', element('tbody', '', ...rows)),
+      element('p', '', isTouch() ? 'Drag with one finger to turn, pinch to zoom, drag with two fingers to move. The buttons below ' +
+        'open the plots, the camera image and the controls, which also choose the view and what is shown.' :
+        'Drag to turn, scroll or pinch to zoom, drag with the right button or two fingers to move.'),
+      ...(isTouch() ? [] : [element('table', '', element('tbody', '', ...rows))]),
     );
     this.root.setAttribute('aria-label', 'help');
     this.root.addEventListener('click', (event) => {
@@ -50,10 +55,12 @@ export class Help {
   }
 }
 
-/** Hint for the first visit, until it is closed or the scene is turned. */
+/** Time of the hint on the page, ms. */
+const HINT_TIME = 12000;
+
+/** Hint for the first visit, for a while, or until it is closed or the scene is turned. */
 export function hint(canvas: HTMLCanvasElement): HTMLElement {
-  const isTouch = matchMedia('(pointer: coarse)').matches;
-  const words = isTouch
+  const words = isTouch()
     ? 'Drag to rotate, pinch to zoom.'
     : 'Drag to rotate, scroll to zoom, press ? for all keys.';
   const close = () => {
@@ -64,6 +71,7 @@ export function hint(canvas: HTMLCanvasElement): HTMLElement {
   const root = element('aside', 'hint', element('span', '', words), cross);
   root.hidden = recall('hint') === 'seen';
   canvas.addEventListener('pointerup', close, { once: true });
+  setTimeout(() => (root.hidden = true), HINT_TIME);
   return root;
 }
 

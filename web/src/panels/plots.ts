@@ -141,7 +141,7 @@ class LivePlot {
       legend: { show: false },
       cursor: { show: false },
       scales: {
-        x: { time: false, range: () => [envelope.lastTime - envelope.seconds, envelope.lastTime] },
+        x: { time: false, range: () => [Math.max(envelope.firstTime, envelope.lastTime - envelope.seconds), envelope.lastTime + 1e-3] },
         y: { range: (_, low, high) => span(low, high, plot.floor) },
       },
       axes: [

@@ -1,6 +1,6 @@
 import { element, write } from '../dom';
 import { digits, norm } from '../format';
-import type { Hello, Sample, State } from '../types';
+import type { Hello, Sample, Spheres, State } from '../types';
 
 /** The main numbers, in large type. */
 export class Readouts {
@@ -11,6 +11,8 @@ export class Readouts {
   private readonly share = value();
   private readonly age = value();
   private readonly compute = value();
+  private readonly fill = value();
+  private readonly sizes = value();
   private toolVolume = 0;
 
   constructor() {
@@ -35,6 +37,14 @@ export class Readouts {
     if (haptic) write(this.compute, digits(haptic.p99, 1));
   }
 
+  /** Shows how well the spheres fill a tool, and their sizes. */
+  setSpheres({ count, data }: Spheres): void {
+    const radii = Array.from({ length: count }, (_, i) => data[4 * i + 3]).sort((a, b) => a - b);
+    const filled = radii.reduce((sum, r) => sum + (4 / 3) * Math.PI * r ** 3, 0);
+    write(this.fill, digits((100 * filled) / this.toolVolume, 1));
+    if (count > 0) write(this.sizes, `${digits(1000 * radii[0])} – ${digits(1000 * radii[count - 1])}`);
+  }
+
   private showRun(hello: Hello): void {
     this.toolVolume = hello.tool.volume;
     this.root.append(
@@ -48,10 +58,13 @@ export class Readouts {
   }
 
   private showTool(tool: Hello['tool']): void {
+    this.toolVolume = tool.volume;
     this.root.append(
       row('Spheres', value(tool.spheres.toLocaleString('en')), '', 'main'),
       row('Volume', value(digits(1e6 * tool.volume)), 'cm³'),
-      row('Radius about its center', value(digits(1000 * tool.radius, 1)), 'mm'),
+      row('filled by spheres', this.fill, '%'),
+      row('radii of spheres', this.sizes, 'mm'),
+      row('farthest from its center', value(digits(1000 * tool.radius, 1)), 'mm'),
     );
   }
 }

@@ -23,7 +23,7 @@ export class TopBar {
   constructor() {
     const mark = element('span', 'mark', 'Palpate');
     this.root.append(mark, this.title, this.badge, this.time, this.rate, this.link);
-    this.rate.title = 'pictures per second that come from the program';
+    this.rate.title = 'pictures that come from the program';
     this.setLink('connecting');
   }
 
@@ -45,6 +45,6 @@ export class TopBar {
     write(this.badge, kind === 'live' || kind === 'recording' || kind === 'tool' ? KINDS[kind] : kind);
     this.badge.dataset.kind = kind;
     if (state) write(this.time, clock(state.time));
-    write(this.rate, `${Math.round(rate)} Hz`);
+    write(this.rate, `${Math.round(rate)} pictures/s`);
   }
 }

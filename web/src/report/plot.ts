@@ -94,11 +94,12 @@ class ZoomedPlot {
     onInk(() => this.restyle());
   }
 
-  /** Index of the x at the first marker; null: there is none. */
+  /** Index of the x whose values the legend has at rest: at the first marker, else in the middle; null: no x. */
   private get rest(): number | null {
     const { x, markers } = this.spec;
+    if (x.length === 0) return null;
     const at = markers?.[0]?.x;
-    if (at === undefined) return null;
+    if (at === undefined) return x.length >> 1;
     return x.reduce((best, value, i) => (Math.abs(value - at) < Math.abs(x[best] - at) ? i : best), 0);
   }
 

@@ -67,7 +67,7 @@ export async function runReport(main: HTMLElement, data: RunData): Promise<void>
   const { tool, stream, cameras, objects } = summary;
   const seconds = `${short(summary.seconds, 3)} s`;
   const seen = cameras.length > 1 ? `the depth images of ${cameras.length} cameras` : 'a stream of depth images';
-  title(main, `${tool.source} in ${stream.name}${cameras.length > 1 ? `, seen by ${cameras.length} cameras` : ''}`,
+  title(main, `${summary.peaks.volume_m3 > 0 ? 'Contact' : 'No contact'} of ${tool.source} with ${stream.name}${cameras.length > 1 ? `, seen by ${cameras.length} cameras` : ''}`,
     `A tool of ${tool.spheres} spheres on ${summary.device.name}, measured against ${seen}` +
     `${objects.length > 0 ? ` and ${counted(objects.length, 'object')}` : ''} for ${seconds}.`);
   if (summary.interrupted) {

@@ -1,6 +1,6 @@
 // Text in the scene, of constant size on the page and legible on any ground.
 
-import { CanvasTexture, Sprite, SpriteMaterial, SRGBColorSpace } from 'three';
+import { CanvasTexture, Sprite, SpriteMaterial, SRGBColorSpace, Vector3 } from 'three';
 import type { Theme } from './colors';
 
 const TEXT = 40, MARGIN = 6; // pixels of the texture
@@ -27,11 +27,19 @@ export class Label {
     }));
     this.object.renderOrder = isBeforeAll ? 2 : 0;
     this.object.center.set(...anchor);
-    // Same size in perspective and orthographic views.
-    this.object.onBeforeRender = (_, __, { projectionMatrix: { elements } }) => {
+    // Same size in perspective and orthographic views, and whole where it would be cut off at the side.
+    const place = new Vector3();
+    this.object.onBeforeRender = (_, __, camera) => {
+      const { elements } = camera.projectionMatrix;
       const height = SIZE / Math.max(elements[0], elements[5]);
-      this.object.scale.set((height * this.canvas.width) / TEXT, height, 1);
+      const width = (height * this.canvas.width) / TEXT;
+      this.object.scale.set(width, height, 1);
       this.object.updateMatrixWorld();
+      const { x } = place.setFromMatrixPosition(this.object.matrixWorld).project(camera);
+      const share = Math.min(width * elements[0], 1.9), edge = 0.97; // of the picture's half width
+      const from = x - anchor[0] * share;
+      const kept = Math.abs(x) < 1.3 ? Math.min(Math.max(from, -edge), edge - share) : from;
+      this.object.center.x = (x - kept) / share;
     };
   }
 
