@@ -23,10 +23,6 @@ struct RosStamp {
 };
 RosStamp read_ros_header(CdrReader& from);
 
-/// Converts meters to counts, kFarCount for depth beyond the range, up to +inf (REP 117: nothing is
-/// within range). NaN, depth that is too near and -inf are no measurement, 0.
-std::uint16_t count_of(double meters, double unit);
-
 /// Reads counts that are compressed by runs of zeros and differences (Wilson, Fast Lossless Depth
 /// Image Compression, ISS 2017), as ROS's compressedDepth sends them.
 ///
