@@ -224,8 +224,11 @@ Result<CloudCamera> CloudCamera::create(const PointsView& first,
   if (made.width > 0) {
     pixel = std::max({width / (made.width - 1), height / (made.height - 1), 1e-6});
   } else {
-    constexpr double kRoom = 4000;  // pixels
-    pixel = std::max({pixel_side(first, camera.X_FC_, widest, seen), width / kRoom, height / kRoom});
+    // Not more than four pixels for each point: the cloud may be dense in few places only.
+    constexpr double kRoom = 4000, kMostPixels = 4, kSmallest = 1e-5;
+    const double num = static_cast<double>(seen.num);
+    pixel = std::max({pixel_side(first, camera.X_FC_, widest, seen), width / kRoom, height / kRoom,
+                      std::sqrt(width * height / (kMostPixels * num)), kSmallest});
     made.width = std::max(8, static_cast<int>(std::ceil(width / pixel)) + 1 + 2 * kMargin);
     made.height = std::max(8, static_cast<int>(std::ceil(height / pixel)) + 1 + 2 * kMargin);
   }
