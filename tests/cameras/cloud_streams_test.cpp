@@ -1,5 +1,5 @@
-// The same points as PNG, PointCloud2 in recordings, PCD and PLY: images, and the volume of a tool in
-// them.
+// The same points as PNG, PointCloud2 in recordings, PCD and PLY: images, and the volume of a tool
+// in them.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -215,7 +215,7 @@ TEST_F(CloudStreams, UnorganizedCloudsHaveTheVolumeOfTheirPngs) {
     EXPECT_TRUE(clouds.is_noted("share a pixel"));
     const double expected = felt(pngs.info, pngs.frames[1]).volume;
     EXPECT_NEAR(felt(clouds.info, clouds.frames[1]).volume / expected, 1, 0.01) << uri;
-    // By the camera of the images they are the images.
+    // With the camera of the images they are these images.
     const Seen same = see(uri + kGiven + "&size=160x120");
     ASSERT_EQ(same.frames.size(), 3u) << same.error;
     for (std::size_t k = 0; k < 3; ++k) EXPECT_EQ(same.frames[k].pixels, pngs.frames[k].pixels);

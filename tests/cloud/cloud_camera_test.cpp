@@ -22,7 +22,7 @@ DepthFrame image() {
   DepthFrame frame{kWidth, kHeight, 0.001, {}, 0};
   for (int v = 0; v < kHeight; ++v) {
     for (int u = 0; u < kWidth; ++u) {
-      const bool is_box = u > 20 && u < 45 && v > 15 && v < 40, is_hole = u > 60 && v < 9;
+      const bool is_box = u > 20 && u < 45 && v > 15 && v<40, is_hole = u> 60 && v < 9;
       frame.pixels.push_back(static_cast<std::uint16_t>(is_hole ? 0 : is_box ? 700 : 1000 + 3 * u));
     }
   }
@@ -233,7 +233,8 @@ TEST(CloudCamera, ARoomAllRoundIsRefusedAndSeenByAnImageForEachDirection) {
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().message.find("surrounds its viewpoint"), std::string::npos);
   std::size_t num_seen = 0;
-  for (const Vec3d& look : {Vec3d{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}) {
+  for (const Vec3d& look :
+       {Vec3d{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}) {
     auto camera = CloudCamera::create(room.view(), {.look = look});
     ASSERT_TRUE(camera) << camera.error().message;
     EXPECT_LT(norm(rotate(camera->X_FC().rotation, {0, 0, 1}) - look), 1e-12);
@@ -241,8 +242,8 @@ TEST(CloudCamera, ARoomAllRoundIsRefusedAndSeenByAnImageForEachDirection) {
     const CloudShares shares = camera->take(room.view(), frame);
     num_seen += shares.points - shares.outside - shares.hidden;
     const auto& [width, height, k, none] = camera->model();
-    for (int v = 4; v < height - 4; ++v) {  // the rest shows the next wall
-      for (int u = 4; u < width - 4; ++u) {
+    for (int v = 6; v < height - 6; ++v) {  // the rest shows the next wall
+      for (int u = 6; u < width - 6; ++u) {
         const std::uint16_t count = frame.pixels[static_cast<std::size_t>(v * width + u)];
         if (count > 0) {
           ASSERT_NEAR(count * frame.unit, 1, 0.002);

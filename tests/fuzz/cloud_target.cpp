@@ -4,7 +4,7 @@
 
 #include "src/cloud/internal/cloud_camera.h"
 #include "src/io/internal/cloud_folder.h"
-#include "src/io/internal/ros_cloud.h"
+#include "src/io/internal/ros_image.h"
 #include "tests/fuzz/target.h"
 #include "tests/io/made_cloud.h"
 
@@ -35,9 +35,9 @@ void see(const CloudPoints& cloud) {
     require(camera->unit() > 0, "an image has a unit");
     DepthFrame frame;
     const CloudShares shares = camera->take(view, frame);
-    require(frame.pixels.size() ==
-                static_cast<std::size_t>(width) * static_cast<std::size_t>(height),
-            "an image has the pixels of its size");
+    require(
+        frame.pixels.size() == static_cast<std::size_t>(width) * static_cast<std::size_t>(height),
+        "an image has the pixels of its size");
     require(shares.outside + shares.hidden + shares.merged <= shares.points,
             "no point counts twice");
   }
@@ -75,9 +75,10 @@ std::vector<std::string> seeds() {
   all.push_back(kMessage + test::cloud_message(small_cloud(false).view(), with_normals));
   const test::CloudLayout counts{{{"x", 0, 3}, {"y", 2, 3}, {"z", 4, 3}}, 6, 0, false, 0.001};
   all.push_back(kMessage + test::cloud_message(small_cloud(true).view(), counts));
-  all.push_back(kFile + std::string("VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
-                                    "WIDTH 2\nHEIGHT 2\nVIEWPOINT 0 0 1 1 0 0 0\nPOINTS 4\n"
-                                    "DATA ascii\n0 0 1\n0 1 1\n1 0 1\nnan nan nan\n"));
+  all.push_back(kFile +
+                std::string("VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
+                            "WIDTH 2\nHEIGHT 2\nVIEWPOINT 0 0 1 1 0 0 0\nPOINTS 4\n"
+                            "DATA ascii\n0 0 1\n0 1 1\n1 0 1\nnan nan nan\n"));
   all.push_back(kFile + std::string("ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\n"
                                     "property double y\nproperty float z\nend_header\n"
                                     "0 0 1\n0.1 0 1\n"));

@@ -20,15 +20,15 @@ struct CloudField {
   std::uint32_t count = 1;
 };
 
-/// How points lie in a message.
+/// Places of the numbers of a point in a message.
 struct CloudLayout {
   std::vector<CloudField> fields{{"x", 0}, {"y", 4}, {"z", 8}};
   std::uint32_t point_step = 12, row_padding = 0;
   bool is_big = false;
   double scale = 1;  // m per number
 
-  /// Three layouts: packed floats; PCL's, with a color between and padding; doubles in another order,
-  /// big-endian, with longer rows.
+  /// Three layouts: packed floats; PCL's, with a color between and padding; doubles in another
+  /// order, big-endian, with longer rows.
   static std::vector<CloudLayout> three() {
     return {{},
             {{{"x", 0}, {"y", 4}, {"z", 8}, {"rgb", 16}}, 32},
@@ -46,8 +46,8 @@ void put_number(std::string& data, std::size_t at, double value, bool is_big) {
 }
 
 inline std::string cloud_data(const PointsView& cloud, const CloudLayout& layout) {
-  const std::size_t row = layout.point_step * static_cast<std::size_t>(cloud.width) +
-                          layout.row_padding;
+  const std::size_t row =
+      layout.point_step * static_cast<std::size_t>(cloud.width) + layout.row_padding;
   std::string data(row * static_cast<std::size_t>(cloud.height), '\x7f');
   for (std::size_t i = 0; i < cloud.points.size(); ++i) {
     const auto width = static_cast<std::size_t>(cloud.width);
@@ -55,7 +55,8 @@ inline std::string cloud_data(const PointsView& cloud, const CloudLayout& layout
     for (const CloudField& field : layout.fields) {
       const std::size_t axis = std::string("xyz").find(field.name);
       if (field.name.size() != 1 || axis > 2 || field.offset >= layout.point_step) continue;
-      const double value = static_cast<double>(cloud.points[i][static_cast<int>(axis)]) / layout.scale;
+      const double value =
+          static_cast<double>(cloud.points[i][static_cast<int>(axis)]) / layout.scale;
       const std::size_t at = first + field.offset;
       switch (field.type) {
         case 3: put_number<std::int16_t>(data, at, value, layout.is_big); break;

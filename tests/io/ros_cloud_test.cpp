@@ -1,11 +1,11 @@
 // sensor_msgs/PointCloud2: points wherever they lie, and one sentence for each message that lies.
-#include "src/io/internal/ros_cloud.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
+#include "src/cloud/internal/cloud_camera.h"
+#include "src/io/internal/ros_image.h"
 #include "tests/io/made_cloud.h"
 
 namespace palpate {
@@ -39,8 +39,7 @@ TEST(RosCloud, PointsAreReadWhereverTheyLie) {
   const CloudPoints expected = cloud();
   CloudPoints read;
   for (const CloudLayout& layout : CloudLayout::three()) {
-    const Status status =
-        read_point_cloud(test::cloud_message(expected.view(), layout), 1, read);
+    const Status status = read_point_cloud(test::cloud_message(expected.view(), layout), 1, read);
     ASSERT_TRUE(status) << status.error().message;
     expect_same(read, expected);
     EXPECT_TRUE(read.normals.empty());

@@ -73,7 +73,8 @@ void PyPushedCamera::push_points(nb::handle points, nb::handle normals, std::opt
   Numbers n_C;
   if (!normals.is_none()) {
     n_C = numbers_of(normals);
-    if (shape_of(n_C) != shape_of(p_C)) refuse_shape("normals", shape_of(n_C), "that of the points");
+    if (shape_of(n_C) != shape_of(p_C))
+      refuse_shape("normals", shape_of(n_C), "that of the points");
   }
   if (p_C.size() / 3 > std::size_t{kMaxImageWidth} * kMaxImageHeight) {
     throw nb::value_error("points: more than 4096 x 4096; thin them");

@@ -81,7 +81,8 @@ Periods periods_of(const std::vector<double>& stamps) {
   return periods;
 }
 
-/// Reads the recording up to the first cloud that makes a camera. Errors: there is none; of the URI.
+/// Reads the recording up to the first cloud that makes a camera. Errors: there is none; of the
+/// URI.
 Result<CloudMessages> first_cloud(const CameraUri& uri, BagReader& reader, const std::string& topic,
                                   double scale) {
   const auto options = cloud_options(uri);
@@ -217,7 +218,7 @@ class BagSource final : public DepthSource {
   ImageSize size_;         // likewise
   const std::optional<CameraInTree> place_;
   std::optional<CloudMessages> clouds_;  // none: images
-  const double latency_;  // s
+  const double latency_;                 // s
   double last_ = 0;
   int num_read_ = 0, num_bad_ = 0;
   std::atomic<int> num_unplaced_ = 0;
@@ -229,8 +230,8 @@ class BagSource final : public DepthSource {
 }  // namespace
 
 Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
-  if (const Status status = uri.check_extras(
-          {"topic", "info", "world", "frame", "scale", "viewpoint", "look"});
+  if (const Status status =
+          uri.check_extras({"topic", "info", "world", "frame", "scale", "viewpoint", "look"});
       !status)
     return status.error();
   const auto scale = scale_of_numbers(uri);
@@ -333,7 +334,8 @@ FoundCameras find_bag_cameras() {
           "",
           "",
           {},
-          "depth or clouds of ROS 2 and ROS 1 recordings, of RealSense cameras and of palpate record, with "
+          "depth or clouds of ROS 2 and ROS 1 recordings, of RealSense cameras and of palpate "
+          "record, with "
           "their camera_info; ?world=FRAME: the camera is where their tf says"};
 }
 

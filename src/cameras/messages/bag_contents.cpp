@@ -5,9 +5,9 @@
 #include <cstdlib>
 
 #include "palpate/settings/setting_table.h"
+#include "src/cloud/internal/cloud_camera.h"
 #include "src/core/internal/shared_library.h"
 #include "src/io/internal/cdr.h"
-#include "src/io/internal/ros_cloud.h"
 #include "src/io/internal/ros_messages.h"
 #include "src/ros/internal/tf_tree.h"
 
@@ -228,7 +228,8 @@ Result<std::string> BagContents::choose_images(const CameraUri& uri) const {
                    (desired.empty() ? "" : " on " + desired) +
                    "; they are sensor_msgs/Image of 16UC1 or 32FC1, or CompressedImage of "
                    "compressedDepth or PNG; nor clouds, sensor_msgs/PointCloud2" +
-                   troubles_of(images) + troubles_of(clouds) + (was_cut_off ? "; the file was cut off" : "")};
+                   troubles_of(images) + troubles_of(clouds) +
+                   (was_cut_off ? "; the file was cut off" : "")};
 }
 
 bool BagContents::has_clouds(const std::string& topic) const {

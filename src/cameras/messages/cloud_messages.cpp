@@ -1,10 +1,10 @@
 #include "src/cameras/messages/cloud_messages.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include "src/io/internal/cdr.h"
-#include "src/io/internal/ros_cloud.h"
 #include "src/io/internal/ros_image.h"
 #include "src/io/internal/text_scanner.h"
 
@@ -43,7 +43,8 @@ Status set_vector(const CameraUri& uri, const char* name, const char* what,
 
 Result<CloudCameraOptions> cloud_options(const CameraUri& uri) {
   for (const char* name : {"info", "flow"}) {
-    if (uri.extras.contains(name)) return left_out(uri, name, "it is of depth images, not of clouds");
+    if (uri.extras.contains(name))
+      return left_out(uri, name, "it is of depth images, not of clouds");
   }
   if (uri.distortion) return left_out(uri, "distortion", "points have no lens");
   CloudCameraOptions options;
@@ -75,7 +76,8 @@ Status check_for_images(const CameraUri& uri) {
     return left_out(uri, "size", "the images of " + uri.kind + " say their size themselves");
   }
   for (const char* name : {"viewpoint", "look"}) {
-    if (uri.extras.contains(name)) return left_out(uri, name, "it is of clouds, not of depth images");
+    if (uri.extras.contains(name))
+      return left_out(uri, name, "it is of clouds, not of depth images");
   }
   return Done{};
 }
@@ -93,7 +95,7 @@ Result<DepthFrame> CloudMessages::read(std::string_view message) {
   const CloudShares shares = camera_->take(points_.view(), frame);
   CdrReader from(message);
   frame.timestamp = read_ros_header(from).time;
-  if (!shares.is_image && !std::exchange(has_told_, true)) note_ = shares.text();
+  if (!shares.is_image && !std::exchange(has_note_, true)) note_ = shares.text();
   return frame;
 }
 

@@ -10,8 +10,8 @@
 
 namespace palpate { inline namespace v0 {
 
-/// Parameters of a URI for clouds: viewpoint=, look=, size=, intrinsics=, unit=. Error: a value that
-/// is no such, a parameter that is of images.
+/// Parameters of a URI for clouds: viewpoint=, look=, size=, intrinsics=, unit=. Error: a value
+/// that is no such, a parameter that is of images.
 Result<CloudCameraOptions> cloud_options(const CameraUri& uri);
 /// Error: a parameter of clouds for a stream of images.
 Status check_for_images(const CameraUri& uri);
@@ -27,7 +27,7 @@ class CloudMessages {
   Result<DepthFrame> read(std::string_view message);
   /// None before the first good message.
   const std::optional<CloudCamera>& camera() const { return camera_; }
-  /// What is to be told of the points, once; else empty.
+  /// Returns the shares of the first projected cloud as a note, once; else nothing.
   std::string take_note();
 
  private:
@@ -36,7 +36,7 @@ class CloudMessages {
   CloudPoints points_;
   std::optional<CloudCamera> camera_;
   std::string note_;
-  bool has_told_ = false;
+  bool has_note_ = false;
 };
 
 }}  // namespace palpate::v0

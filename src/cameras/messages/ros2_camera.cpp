@@ -134,8 +134,8 @@ class Ros2Source final : public DepthSource {
   }
 
   Status listen_to(const char* type) {
-    auto images = node_->subscribe(
-        topic_, type, qos_, [this](std::string_view message) { received_.image(message); });
+    auto images = node_->subscribe(topic_, type, qos_,
+                                   [this](std::string_view message) { received_.image(message); });
     if (!images) return images.error();
     images_ = *std::move(images);
     return Done{};
@@ -275,13 +275,14 @@ class Ros2Source final : public DepthSource {
 }  // namespace
 
 Result<RawStream> open_ros2_camera(const CameraUri& uri, const CameraOpening& opening) {
-  if (const Status status = uri.check_extras({"info", "qos", "clock", "world", "frame", "scale",
-                                               "viewpoint", "look"});
+  if (const Status status = uri.check_extras(
+          {"info", "qos", "clock", "world", "frame", "scale", "viewpoint", "look"});
       !status)
     return status.error();
   if (uri.target.empty()) {
-    return Error{Errc::invalid_argument,
-                 "ros2: needs the topic of the depth image or cloud, e.g. ros2:/camera/depth/image_raw"};
+    return Error{
+        Errc::invalid_argument,
+        "ros2: needs the topic of the depth image or cloud, e.g. ros2:/camera/depth/image_raw"};
   }
   if (uri.extras.contains("world") && (!(uri.X_WC == Pose{}) || !uri.poses.empty())) {
     return Error{

@@ -59,7 +59,7 @@ class Pushed final : public PushedSource {
     }
     const std::lock_guard lock(points_mutex_);
     const CloudShares shares = points_camera_.take(points, points_frame_);
-    if (!shares.is_image && !std::exchange(has_told_points_, true)) intake_.add_note(shares.text());
+    if (!shares.is_image && !std::exchange(is_noted_, true)) intake_.add_note(shares.text());
     drop_far_codes(points_frame_, info_.sensor);
     points_frame_.X_WC = X_WC;
     points_frame_.timestamp = timestamp;
@@ -80,7 +80,7 @@ class Pushed final : public PushedSource {
   std::mutex points_mutex_;         // guards the members below
   CloudCamera points_camera_;
   DepthFrame points_frame_;
-  bool has_told_points_ = false;
+  bool is_noted_ = false;
 };
 
 }  // namespace

@@ -95,8 +95,7 @@ CloudShares CloudCamera::project(const PointsView& cloud, DepthFrame& frame) {
       const Vec3d p = R_CF * to;
       const double u = k.fx * p.x / p.z + k.cx, v = k.fy * p.y / p.z + k.cy;
       const bool is_inside = p.z > 0 && u > -0.5 && v > -0.5 && u < width - 0.5 && v < height - 0.5;
-      const bool is_turned =
-          !cloud.normals.empty() && dot(to_double(cloud.normals[i]), to) > 0;
+      const bool is_turned = !cloud.normals.empty() && dot(to_double(cloud.normals[i]), to) > 0;
       if (!is_inside || is_turned) {
         on_rest(is_inside);
         continue;
@@ -144,7 +143,9 @@ CloudShares CloudCamera::project(const PointsView& cloud, DepthFrame& frame) {
 void CloudCamera::fill(DepthFrame& frame) {
   const int width = model_.width, height = model_.height;
   const double step = largest_step(model_.intrinsics);
-  const auto pixel_at = [&](int u, int v) -> const Pixel& { return pixels_[index_of(u, v, width)]; };
+  const auto pixel_at = [&](int u, int v) -> const Pixel& {
+    return pixels_[index_of(u, v, width)];
+  };
   const auto is_near = [&](double a, double b) { return std::abs(a - b) <= step * std::max(a, b); };
   inverse_.assign(pixels_.size(), 0);
   for (int v = 0; v < height; ++v) {
@@ -193,9 +194,8 @@ void CloudCamera::fill(DepthFrame& frame) {
         ++num;
         sum += mean;
       }
-      // A surface that is seen through a gap needs more of another one around it than none. What an
-      // image has not measured stays so.
-      if (!is_grid_ && num >= (inverse > 0 ? 3 : 2)) inverse = float(sum / num);
+      // What an image has not measured stays so.
+      if (!is_grid_ && num >= 2) inverse = float(sum / num);
       const double depth = inverse > 0 ? 1 / double(inverse) : 0;
       frame.pixels[index_of(u, v, width)] = count_of(depth, unit_);
     }

@@ -43,7 +43,7 @@ double roundest(double value, double tolerance) {
 }
 
 std::optional<PinholeAxis> solve(const LineFit& f) {
-  constexpr double kLeastRange = 3;  // pixels
+  constexpr double kMinRange = 3;  // pixels
   const double mean = f.slope / f.n, pixel = f.pixel / f.n;
   const double spread = f.slope2 - f.n * mean * mean, mixed = f.both - f.n * mean * pixel;
   if (!(spread > 0) || !(mixed > 0)) return {};
@@ -51,8 +51,8 @@ std::optional<PinholeAxis> solve(const LineFit& f) {
   axis.focal = mixed / spread;
   const double left = std::max(0.0, f.pixel2 - f.n * pixel * pixel - axis.focal * mixed);
   axis.rms = std::sqrt(left / f.n);
-  if (axis.focal * (f.highest - f.lowest) < kLeastRange) return {};
-  // What neither the numbers' precision nor the scatter of the points can tell from the fit.
+  if (axis.focal * (f.highest - f.lowest) < kMinRange) return {};
+  // Within the precision of the numbers, and the scatter of the points, all fits are equal.
   constexpr double kPrecision = 1e-5, kSigmas = 8;  // pixels
   const double tolerance = std::max(kPrecision, kSigmas * axis.rms / std::sqrt(f.n));
   const double lever = std::max(f.highest - mean, mean - f.lowest);
@@ -66,7 +66,7 @@ constexpr double kWidest = 1.7320508075688772, kWidestLook = 1;
 
 struct Extent {
   double left = INFINITY, right = -INFINITY, top = INFINITY, bottom = -INFINITY;  // tangents
-  std::size_t num = 0;  // points in it
+  std::size_t num = 0;                                                            // points in it
 };
 
 /// Calls `use(x/z, y/z)` for each point that an image of that width may show.
@@ -133,7 +133,7 @@ Extent extent_of(const PointsView& cloud, const Pose& X_FC, double widest) {
 }  // namespace
 
 std::optional<Intrinsics> pinhole_of(const PointsView& cloud) {
-  constexpr double kLeastPoints = 64, kMaxRms = 0.2;  // pixels
+  constexpr double kMinPoints = 64, kMaxRms = 0.2;  // pixels
   if (cloud.width < 8 || cloud.height < 8 || cloud.width > kMaxImageWidth ||
       cloud.height > kMaxImageHeight) {
     return {};
@@ -141,15 +141,15 @@ std::optional<Intrinsics> pinhole_of(const PointsView& cloud) {
   LineFit across, down;
   for (int v = 0; v < cloud.height; ++v) {
     for (int u = 0; u < cloud.width; ++u) {
-      const Vec3f& p = cloud.points[static_cast<std::size_t>(v) *
-                                        static_cast<std::size_t>(cloud.width) +
-                                    static_cast<std::size_t>(u)];
+      const Vec3f& p =
+          cloud.points[static_cast<std::size_t>(v) * static_cast<std::size_t>(cloud.width) +
+                       static_cast<std::size_t>(u)];
       if (!is_in_front(p)) continue;
       across.add(double(p.x) / double(p.z), u);
       down.add(double(p.y) / double(p.z), v);
     }
   }
-  if (across.n < kLeastPoints) return {};
+  if (across.n < kMinPoints) return {};
   const auto x = solve(across), y = solve(down);
   if (!x || !y || x->rms > kMaxRms || y->rms > kMaxRms) return {};
   return Intrinsics{x->focal, y->focal, x->center, y->center};
@@ -170,7 +170,7 @@ std::optional<double> unit_of(const PointsView& cloud) {
 
 Result<CloudCamera> CloudCamera::create(const PointsView& first,
                                         const CloudCameraOptions& options) {
-  constexpr double kMostOutside = 0.1, kHalf = 0.5;
+  constexpr double kMaxOutside = 0.1, kHalf = 0.5;
   constexpr int kMargin = 2;  // pixels
   CameraModel model{options.width, options.height, options.intrinsics.value_or(Intrinsics{}), {}};
   const bool is_free = !options.viewpoint && !options.look && options.width == 0;
@@ -196,7 +196,7 @@ Result<CloudCamera> CloudCamera::create(const PointsView& first,
   if (options.look) camera.X_FC_.rotation = looking(*options.look);
   Extent seen = extent_of(first, camera.X_FC_, widest);
   const auto is_outside = [&](double share) { return static_cast<double>(seen.num) < share * all; };
-  if (!options.look && is_outside(1 - kMostOutside)) {
+  if (!options.look && is_outside(1 - kMaxOutside)) {
     camera.X_FC_.rotation = looking(middle);
     seen = extent_of(first, camera.X_FC_, widest);
     if (norm(middle) < kHalf * all || is_outside(kHalf)) {
@@ -225,10 +225,10 @@ Result<CloudCamera> CloudCamera::create(const PointsView& first,
     pixel = std::max({width / (made.width - 1), height / (made.height - 1), 1e-6});
   } else {
     // Not more than four pixels for each point: the cloud may be dense in few places only.
-    constexpr double kRoom = 4000, kMostPixels = 4, kSmallest = 1e-5;
+    constexpr double kRoom = 4000, kMaxPixels = 4, kSmallest = 1e-5;
     const double num = static_cast<double>(seen.num);
     pixel = std::max({pixel_side(first, camera.X_FC_, widest, seen), width / kRoom, height / kRoom,
-                      std::sqrt(width * height / (kMostPixels * num)), kSmallest});
+                      std::sqrt(width * height / (kMaxPixels * num)), kSmallest});
     made.width = std::max(8, static_cast<int>(std::ceil(width / pixel)) + 1 + 2 * kMargin);
     made.height = std::max(8, static_cast<int>(std::ceil(height / pixel)) + 1 + 2 * kMargin);
   }

@@ -1,9 +1,10 @@
 // Point clouds as depth images, so that all that is made of images is made of clouds, too.
 //
-// An organized cloud whose points lie on the rays of a pinhole camera *is* a depth image: each pixel
-// gets the z of its point. All others are projected: a pixel gets the nearest surface among its
-// points, at its own center. Inverse depth is linear over the image of a plane, 1/z = a + b u + c v,
-// so both the step from a point to the center and a gap between two neighbors are exact on planes.
+// An organized cloud whose points lie on the rays of a pinhole camera *is* a depth image: each
+// pixel gets the z of its point. All others are projected: a pixel gets the nearest surface among
+// its points, at its own center. Inverse depth is linear over the image of a plane, 1/z = a + b u +
+// c v, so both the step from a point to the center and a gap between two neighbors are exact on
+// planes.
 #pragma once
 
 #include <cmath>
@@ -44,8 +45,10 @@ std::optional<double> unit_of(const PointsView& cloud);
 
 /// Parameters that replace what the first cloud of a stream says.
 struct CloudCameraOptions {
-  std::optional<Vec3d> viewpoint = {};  ///< m; where it is seen from, else the origin of its frame F
-  std::optional<Vec3d> look = {};  ///< direction of the image's center in F; 45 degrees to each side
+  std::optional<Vec3d> viewpoint =
+      {};  ///< m; where it is seen from, else the origin of its frame F
+  std::optional<Vec3d> look =
+      {};  ///< direction of the image's center in F; 45 degrees to each side
   std::optional<Intrinsics> intrinsics = {};
   int width = 0, height = 0;  ///< 0: by the first cloud
   std::optional<double> unit = {};
@@ -86,7 +89,7 @@ class CloudCamera {
  private:
   /// Sums of a pixel's nearest surface.
   struct Pixel {
-    float nearest = 0;               // 1/z of the nearest point; 0: none
+    float nearest = 0;                // 1/z of the nearest point; 0: none
     float u = 0, v = 0, inverse = 0;  // sums, of offsets from the center and of 1/z
     float count = 0;
   };

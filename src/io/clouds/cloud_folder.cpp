@@ -34,7 +34,7 @@ class CloudFolderSource final : public DepthSource {
       cloud = std::move(file->cloud);
     }
     const CloudShares shares = camera_.take(cloud.view(), frame);
-    if (!shares.is_image && !std::exchange(has_told_, true)) {
+    if (!shares.is_image && !std::exchange(is_noted_, true)) {
       const std::lock_guard lock(mutex_);
       notes_.push_back(info_.name + ": " + shares.text());
     }
@@ -49,7 +49,7 @@ class CloudFolderSource final : public DepthSource {
   const double scale_;
   const DepthStreamInfo info_;
   std::size_t next_ = 0;
-  bool has_told_ = false;
+  bool is_noted_ = false;
   std::mutex mutex_;
   std::vector<std::string> notes_;
 };
@@ -73,10 +73,9 @@ Result<CloudFolder> open_cloud_folder(const FrameList& list, const CloudCameraOp
   info.num_frames = static_cast<int>(list.entries.size());
   info.name = name;
   const Pose X_FC = camera->X_FC();
-  return CloudFolder{
-      std::make_unique<CloudFolderSource>(list, *std::move(camera), std::move(first->cloud), scale,
-                                          std::move(info)),
-      X_FC};
+  return CloudFolder{std::make_unique<CloudFolderSource>(
+                         list, *std::move(camera), std::move(first->cloud), scale, std::move(info)),
+                     X_FC};
 }
 
 }}  // namespace palpate::v0

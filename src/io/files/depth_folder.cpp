@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "palpate/io/formats.h"
-#include "src/io/internal/frame_list.h"
 #include "src/io/internal/atomic_file.h"
+#include "src/io/internal/frame_list.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -1,11 +1,12 @@
-#include "src/io/internal/ros_cloud.h"
-
 #include <algorithm>
 #include <array>
 #include <cstdint>
 #include <cstring>
+#include <span>
 #include <string>
+#include <vector>
 
+#include "src/cloud/internal/cloud_camera.h"
 #include "src/io/internal/cdr.h"
 #include "src/io/internal/ros_image.h"
 
@@ -45,8 +46,7 @@ double value_at(const char* at, int type, bool is_big) {
   }
 }
 
-constexpr std::array<std::string_view, 6> kNames{"x",        "y",        "z",
-                                                 "normal_x", "normal_y", "normal_z"};
+constexpr std::array<std::string_view, 6> kNames{"x", "y", "z", "normal_x", "normal_y", "normal_z"};
 using PointFields = std::array<PointField, kNames.size()>;
 
 /// Reads the list of fields. Errors: a coordinate twice, or not at all.
