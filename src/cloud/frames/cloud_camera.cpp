@@ -194,7 +194,7 @@ void CloudCamera::fill(DepthFrame& frame) {
         ++num;
         sum += mean;
       }
-      // What an image has not measured stays so.
+      // Gaps of an image in another order are its own.
       if (!is_grid_ && num >= 2) inverse = float(sum / num);
       const double depth = inverse > 0 ? 1 / double(inverse) : 0;
       frame.pixels[index_of(u, v, width)] = count_of(depth, unit_);
