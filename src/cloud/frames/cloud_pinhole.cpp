@@ -157,13 +157,22 @@ std::optional<Intrinsics> pinhole_of(const PointsView& cloud) {
 
 std::optional<double> unit_of(const PointsView& cloud) {
   constexpr double kTolerance = 0.02;  // counts
+  constexpr std::ptrdiff_t kMinCounts = 32;
+  std::vector<bool> is_there;
   for (const double unit : {0.001, 0.0005, 0.00025, 0.0002, 0.000125, 0.0001}) {
-    const auto is_counted = [unit](const Vec3f& p) {
+    is_there.assign(std::size_t{kFarCount}, false);
+    const auto is_counted = [&](const Vec3f& p) {
       if (!is_in_front(p)) return true;
-      const double count = static_cast<double>(p.z) / unit;
-      return count < kFarCount && std::abs(count - std::round(count)) < kTolerance;
+      const double count = static_cast<double>(p.z) / unit, whole = std::round(count);
+      if (!(whole < kFarCount) || std::abs(count - whole) > kTolerance) return false;
+      is_there[static_cast<std::size_t>(whole)] = true;
+      return true;
     };
-    if (std::ranges::all_of(cloud.points, is_counted)) return unit;
+    // A few depths, as of a wall, may be multiples of anything.
+    if (std::ranges::all_of(cloud.points, is_counted) &&
+        std::ranges::count(is_there, true) >= kMinCounts) {
+      return unit;
+    }
   }
   return {};
 }
