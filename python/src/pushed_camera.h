@@ -29,11 +29,16 @@ class PyPushedCamera {
   /// Copies an image, and hands it to the run. Releases the GIL; from any thread.
   void push(nb::handle depth, std::optional<double> time, const nb::object& pose,
             const nb::object& flow);
+  /// The same with points instead of an image.
+  void push_points(nb::handle points, nb::handle normals, std::optional<double> time,
+                   const nb::object& pose);
 
  private:
   using Counts = nb::ndarray<const std::uint16_t, nb::c_contig, nb::device::cpu>;
   using Flow = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
 
+  /// Checks when and where an image was taken; returns X_WC.
+  Pose pose_at(std::optional<double> time, const nb::object& pose) const;
   /// Reads the flow, (H, W, 2) like the counts; empty if there is none.
   Flow flow_of(const nb::object& flow, const Counts& counts) const;
   /// Returns uint16 counts as they are, and meters as counts.

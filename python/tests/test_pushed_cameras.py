@@ -129,3 +129,37 @@ def test_a_pushed_flow_drags_the_tool(cube):
     finally:
         is_over.set()
         pusher.join()
+
+
+def test_points_are_felt_as_their_image(cube):
+    camera = palpate.Camera(160, 120, 140, 140, 79.5, 59.5, unit=0.001)
+    depth = (1000 + np.arange(160 * 120, dtype=np.uint16).reshape(120, 160) % 7).astype(np.uint16)
+    v, u = np.mgrid[:120, :160]
+    z = depth * 0.001
+    points = np.stack([(u - 79.5) / 140 * z, (v - 59.5) / 140 * z, z], axis=-1)
+    images = []
+    for given, normals in ((points, None), (points.reshape(-1, 3)[::-1], None), (points, -points)):
+        pushed = palpate.PushedCamera(camera)
+        is_over = threading.Event()
+
+        def push(pushed=pushed, given=given, normals=normals, is_over=is_over):
+            while not is_over.wait(0.02):
+                pushed.push_points(given, normals)
+
+        pusher = threading.Thread(target=push)
+        pusher.start()
+        try:
+            run = palpate.touch(cube, pushed, RESTING)
+        finally:
+            is_over.set()
+            pusher.join()
+        images.append(next(iter(run.frames()))[1])
+    for image in images:
+        np.testing.assert_array_equal(image, depth)
+    pushed = palpate.PushedCamera(camera)
+    with pytest.raises(ValueError, match="points"):
+        pushed.push_points(np.zeros((5, 2)))
+    with pytest.raises(ValueError, match="normals"):
+        pushed.push_points(np.ones((5, 3)), np.ones((4, 3)))
+    with pytest.raises(ValueError, match="moving=True"):
+        pushed.push_points(np.ones((5, 3)), pose=[0, 0, 0, 0, 0, 0, 1])

@@ -57,8 +57,7 @@ Error unused(const CameraUri& uri, const char* parameter, const std::string& why
 /// Refuses parameters that the kind does not know.
 Status check_unused(const Kind& kind, const CameraUri& uri) {
   const bool is_played = uri.target.ends_with(".oni") || kind.name == "k4a";
-  if (uri.size &&
-      (kind.name == "folder" || kind.name == "bag" || kind.name == "ros2" || is_played)) {
+  if (uri.size && is_played) {
     return unused(uri, "size",
                   "the images of " + std::string(kind.name) + " say their size themselves");
   }
@@ -69,10 +68,11 @@ Status check_unused(const Kind& kind, const CameraUri& uri) {
 }
 
 Result<std::unique_ptr<DepthSource>> open_unposed(const Kind& kind, const CameraUri& uri,
-                                                  const CameraOpening& opening) {
+                                                  const CameraOpening& opening, Pose& X_FC) {
   if (const Status status = check_unused(kind, uri); !status) return status.error();
   auto raw = kind.open(uri, opening);
   if (!raw) return raw.error();
+  X_FC = raw->X_FC;
   if (!raw->source->info().is_live) {
     if (uri.latency != 0 && kind.name != "bag") {
       return unused(uri, "latency", "it is of live cameras, and of bag");
@@ -151,8 +151,10 @@ Result<std::unique_ptr<DepthSource>> open_camera(const CameraUri& uri,
   if (kind == std::end(kKinds)) return no_such_kind(uri);
   auto poses = CameraPoses::of(uri);
   if (!poses) return poses.error();
-  auto source = open_unposed(*kind, uri, opening);
+  Pose X_FC;
+  auto source = open_unposed(*kind, uri, opening, X_FC);
   if (!source) return source.error();
+  poses->see_from(X_FC);
   return make_posed(*std::move(source), *std::move(poses));
 }
 

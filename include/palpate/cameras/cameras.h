@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
+#include "palpate/cloud/point_cloud.h"
 #include "palpate/core/core.h"
 #include "palpate/gpu/devices.h"
 #include "palpate/math/geometry.h"
@@ -182,6 +183,11 @@ class PushedSource : public DepthSource {
   /// nothing. A frame of another size than `info` is resampled, as after a mode change of the
   /// camera. Ignored after `end`.
   virtual void push(DepthFrame& frame) = 0;
+  /// The same with points in the camera's frame C: they become the image that `info` describes, its
+  /// distortion aside. Points organized like it on its rays give their z; others are projected,
+  /// without those whose normals point away. `timestamp`: see DepthFrame. Waits for other threads
+  /// that push points; O(points + pixels).
+  virtual void push_points(const PointsView& points, const Pose& X_WC, double timestamp) = 0;
   /// Ends the stream.
   virtual void end() = 0;
 };

@@ -132,6 +132,14 @@ class PointCloud {
   std::vector<float> data_;
 };
 
+/// Points of one capture as a sensor delivers them, m, in its own frame. Non-owning. Organized like
+/// an image: point (u, v) is v * width + u, not finite without a measurement; otherwise height 1.
+struct PointsView {
+  int width = 0, height = 1;
+  std::span<const Vec3f> points;   ///< width * height
+  std::span<const Vec3f> normals;  ///< likewise, out of the environment; empty: unknown
+};
+
 // Refinement of the poses of several cameras from their views of one scene.
 
 /// Two views of one scene: the distance of their surfaces where both overlap.

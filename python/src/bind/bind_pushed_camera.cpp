@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <mutex>
+#include <span>
 
 #include "python/src/pushed_camera.h"
 
@@ -21,8 +22,7 @@ PyPushedCamera::PyPushedCamera(const PyCamera& camera, double rate, bool has_tim
   source_ = taken(PushedSource::create(info, {has_time_stamps, latency}));
 }
 
-void PyPushedCamera::push(nb::handle depth, std::optional<double> time, const nb::object& pose,
-                          const nb::object& flow) {
+Pose PyPushedCamera::pose_at(std::optional<double> time, const nb::object& pose) const {
   if (time && !has_time_stamps_) {
     throw nb::value_error(
         "time: this camera has no clock of its own; create it with has_time_stamps=True");
@@ -36,6 +36,12 @@ void PyPushedCamera::push(nb::handle depth, std::optional<double> time, const nb
   }
   const Pose X_WC = pose.is_none() ? camera_.X_WC : pose_of(pose, "pose");
   if (!is_finite(X_WC)) throw nb::value_error("pose: not finite");
+  return X_WC;
+}
+
+void PyPushedCamera::push(nb::handle depth, std::optional<double> time, const nb::object& pose,
+                          const nb::object& flow) {
+  const Pose X_WC = pose_at(time, pose);
   const Counts counts = counts_of(depth);
   if (counts.ndim() != 2) refuse_shape("depth", shape_of(counts), "(H, W)");
   const Flow pixels_per_second = flow_of(flow, counts);
@@ -49,6 +55,39 @@ void PyPushedCamera::push(nb::handle depth, std::optional<double> time, const nb
   frame_.pixels.assign(counts.data(), counts.data() + counts.size());
   frame_.flow.assign(pixels_per_second.data(), pixels_per_second.data() + pixels_per_second.size());
   source_->push(frame_);
+}
+
+void PyPushedCamera::push_points(nb::handle points, nb::handle normals, std::optional<double> time,
+                                 const nb::object& pose) {
+  using Numbers = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
+  const Pose X_WC = pose_at(time, pose);
+  const nb::module_ numpy = nb::module_::import_("numpy");
+  const auto numbers_of = [&](nb::handle array) {
+    return nb::cast<Numbers>(numpy.attr("ascontiguousarray")(array, "float32"));
+  };
+  const Numbers p_C = numbers_of(points);
+  const bool is_image = p_C.ndim() == 3;
+  if ((!is_image && p_C.ndim() != 2) || p_C.shape(p_C.ndim() - 1) != 3 || p_C.size() == 0) {
+    refuse_shape("points", shape_of(p_C), "(N, 3) or (H, W, 3), with at least one point");
+  }
+  Numbers n_C;
+  if (!normals.is_none()) {
+    n_C = numbers_of(normals);
+    if (shape_of(n_C) != shape_of(p_C))
+      refuse_shape("normals", shape_of(n_C), "that of the points");
+  }
+  if (p_C.size() / 3 > std::size_t{kMaxImageWidth} * kMaxImageHeight) {
+    throw nb::value_error("points: more than 4096 x 4096; thin them");
+  }
+  const nb::gil_scoped_release no_gil;
+  const auto view_of = [](const Numbers& numbers) {
+    return std::span(reinterpret_cast<const Vec3f*>(numbers.data()), numbers.size() / 3);
+  };
+  const int width = static_cast<int>(p_C.shape(is_image ? 1 : 0));
+  const int height = is_image ? static_cast<int>(p_C.shape(0)) : 1;
+  source_->push_points(
+      {width, height, view_of(p_C), normals.is_none() ? std::span<const Vec3f>() : view_of(n_C)},
+      X_WC, time.value_or(0));
 }
 
 PyPushedCamera::Flow PyPushedCamera::flow_of(const nb::object& flow, const Counts& counts) const {
@@ -105,6 +144,20 @@ camera's own clock, if created with has_time_stamps=True. pose: X_WC of this ima
 camera moves; None: that of the camera. flow: (H, W, 2), optical flow, u and v of each pixel in pixels per
 second, NaN where unknown; None: unknown. Never waits for the run: the newest image wins. From any
 thread.)")
+      .def(
+          "push_points", &PyPushedCamera::push_points, nb::arg("points"),
+          nb::arg("normals") = nb::none(), nb::kw_only(), nb::arg("time") = nb::none(),
+          nb::arg("pose") = nb::none(),
+          nb::sig("def push_points(self, points: palpate._types.Array, "
+                  "normals: palpate._types.Array | None = None, *, time: float | None = None, "
+                  "pose: palpate._types.Array | None = None) -> None"),
+          R"(Points instead of an image: they become the image of the camera, whose distortion does not matter.
+
+points: (N, 3), or (H, W, 3) organized like the image, float32, m, in the camera's frame (x right, y down,
+z forward); NaN or 0 0 0: no measurement. Organized points on the rays of the camera give their z, to the
+bit; others are projected. normals: of the same shape, out of the environment; points whose normals point
+away from the camera are left out. time, pose: as of `push`. Takes O(points + pixels) in the thread that
+calls. ValueError: another shape, more than 4096 x 4096 points.)")
       .def(
           "end", [](PyPushedCamera& self) { self.source()->end(); }, "Ends the stream.");
 }

@@ -2,23 +2,49 @@
 #include "palpate/io/formats.h"
 #include "scenes/scene.h"
 #include "src/cameras/camera_kinds.h"
+#include "src/cameras/messages/cloud_messages.h"
+#include "src/cameras/messages/depth_messages.h"
 #include "src/cameras/stream/posed_source.h"
+#include "src/io/internal/cloud_folder.h"
 #include "src/io/internal/text_scanner.h"
 
 namespace palpate { inline namespace v0 {
+namespace {
+
+Result<RawStream> open_clouds(const CameraUri& uri, const FrameList& list) {
+  const auto options = cloud_options(uri);
+  if (!options) return options.error();
+  const auto scale = scale_of_numbers(uri);
+  if (!scale) return scale.error();
+  auto folder = open_cloud_folder(list, *options, *scale, uri.target);
+  if (!folder) return folder.error();
+  return RawStream{std::move(folder->images), StampClock::cameras, true, folder->X_FC};
+}
+
+}  // namespace
 
 Result<RawStream> open_folder_camera(const CameraUri& uri, const CameraOpening&) {
-  if (const Status status = uri.check_extras({"flow"}); !status) return status.error();
+  if (const Status status = uri.check_extras({"flow", "viewpoint", "look", "scale"}); !status)
+    return status.error();
+  DepthFolderOptions folder;
+  folder.rate = uri.rate.value_or(folder.rate);
+  const auto list = list_frames(uri.target, folder.rate);
+  if (list && is_cloud_name(list->entries.front().path)) return open_clouds(uri, *list);
   if (!uri.intrinsics) {
     return Error{
         Errc::invalid_argument,
         "camera " + uri.text +
             ": a folder of images has no intrinsics; pass ?intrinsics=fx,fy,cx,cy in pixels"};
   }
-  DepthFolderOptions folder;
+  if (!list) return list.error();
+  if (const Status status = check_for_images(uri); !status) return status.error();
+  if (uri.extras.contains("scale")) {
+    return Error{Errc::invalid_argument, "camera " + uri.text +
+                                             ": leave out 'scale': it is of point clouds, and PNGs "
+                                             "are counts: pass ?unit=METERS"};
+  }
   folder.intrinsics = *uri.intrinsics;
   folder.unit = uri.unit.value_or(folder.unit);
-  folder.rate = uri.rate.value_or(folder.rate);
   if (const auto flow = uri.extras.find("flow"); flow != uri.extras.end()) {
     folder.flow = flow->second;
     if (folder.flow.empty()) {
@@ -26,7 +52,7 @@ Result<RawStream> open_folder_camera(const CameraUri& uri, const CameraOpening&)
                    "camera " + uri.text + ": 'flow' must be a folder of optical flow, not ''"};
     }
   }
-  auto source = open_depth_folder(uri.target, folder);
+  auto source = open_depth_folder(uri.target, *list, folder);
   if (!source) return source.error();
   return RawStream{*std::move(source)};
 }
@@ -38,7 +64,7 @@ FoundCameras find_folder_cameras() {
           "",
           "",
           {},
-          "16-bit PNGs in name order or by a depth.txt; with ?intrinsics="};
+          "16-bit PNGs in name order or by a depth.txt, with ?intrinsics=; or PCD or PLY clouds"};
 }
 
 Result<RawStream> open_scene_camera(const CameraUri& uri, const CameraOpening& opening) {

@@ -8,6 +8,7 @@
 
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/messages/bag_contents.h"
+#include "src/cameras/messages/cloud_messages.h"
 #include "src/cloud/internal/frame_limits.h"
 #include "src/core/internal/message_text.h"
 #include "src/core/internal/shared_library.h"
@@ -80,11 +81,35 @@ Periods periods_of(const std::vector<double>& stamps) {
   return periods;
 }
 
+/// Reads the recording up to the first cloud that makes a camera. Errors: there is none; of the
+/// URI.
+Result<CloudMessages> first_cloud(const CameraUri& uri, BagReader& reader, const std::string& topic,
+                                  double scale) {
+  const auto options = cloud_options(uri);
+  if (!options) return options.error();
+  CloudMessages clouds(*options, scale);
+  if (const Status again = reader.rewind(); !again) return again.error();
+  std::string why;
+  for (;;) {
+    const auto message = reader.next();
+    if (!message) return message.error();
+    if (!*message) {
+      return Error{Errc::bad_input, "camera " + uri.text + ": " + topic + ": " + why};
+    }
+    const McapChannel& channel = reader.channels().at((*message)->channel);
+    if (channel.topic != topic || !is_cloud_type(channel.schema_name)) continue;
+    const auto frame = clouds.read((*message)->data);
+    if (frame) return clouds;
+    if (why.empty()) why = frame.error().message;
+  }
+}
+
 class BagSource final : public DepthSource {
  public:
   BagSource(std::unique_ptr<BagReader> reader, std::string topic, double unit, double scale,
             std::optional<double> said, DepthStreamInfo info, LensHistory models,
-            std::optional<CameraInTree> place, double latency, std::vector<std::string> notes)
+            std::optional<CameraInTree> place, std::optional<CloudMessages> clouds, double latency,
+            std::vector<std::string> notes)
       : reader_(std::move(reader)),
         topic_(std::move(topic)),
         unit_(unit),
@@ -94,6 +119,7 @@ class BagSource final : public DepthSource {
         models_(std::move(models)),
         size_({info_.width, info_.height}),
         place_(std::move(place)),
+        clouds_(std::move(clouds)),
         latency_(latency),
         notes_(std::move(notes)) {}
 
@@ -116,11 +142,17 @@ class BagSource final : public DepthSource {
         if (said_ && unit && is_unit_of(channel.topic, topic_)) said_ = unit;
         continue;
       }
-      if (!is_image_type(channel.schema_name)) continue;
-      auto read = read_bag_frame(channel.schema_name, **message, unit_, scale_);
+      const std::string& schema = channel.schema_name;
+      if (clouds_ ? !is_cloud_type(schema) : !is_image_type(schema)) continue;
+      auto read = clouds_ ? clouds_->read((*message)->data)
+                          : read_bag_frame(schema, **message, unit_, scale_);
       if (!read) {
         if (++num_bad_ == 1) note(topic_ + ": a message is left out: " + read.error().message);
         continue;
+      }
+      if (clouds_) {
+        read->timestamp = stamp_of(**message).time;
+        if (std::string text = clouds_->take_note(); !text.empty()) note(topic_ + ": " + text);
       }
       if (num_read_++ > 0 && !(read->timestamp > last_)) continue;
       last_ = read->timestamp;
@@ -185,7 +217,8 @@ class BagSource final : public DepthSource {
   std::size_t model_ = 0;  // of the last frame
   ImageSize size_;         // likewise
   const std::optional<CameraInTree> place_;
-  const double latency_;  // s
+  std::optional<CloudMessages> clouds_;  // none: images
+  const double latency_;                 // s
   double last_ = 0;
   int num_read_ = 0, num_bad_ = 0;
   std::atomic<int> num_unplaced_ = 0;
@@ -197,9 +230,11 @@ class BagSource final : public DepthSource {
 }  // namespace
 
 Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
-  if (const Status status = uri.check_extras({"topic", "info", "world", "frame", "scale"}); !status)
+  if (const Status status =
+          uri.check_extras({"topic", "info", "world", "frame", "scale", "viewpoint", "look"});
+      !status)
     return status.error();
-  const auto scale = scale_of_floats(uri);
+  const auto scale = scale_of_numbers(uri);
   if (!scale) return scale.error();
   auto reader = BagReader::open(uri.target);
   if (!reader) return reader.error();
@@ -218,18 +253,30 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   const auto topic = contents.choose_images(uri);
   if (!topic) return topic.error();
 
-  const BagContents::Images& images = contents.images.at(*topic);
+  const bool has_clouds = contents.has_clouds(*topic);
+  const BagContents::Images& images =
+      has_clouds ? contents.clouds.at(*topic) : contents.images.at(*topic);
   DepthStreamInfo info;
-  info.width = images.width;
-  info.height = images.height;
+  std::optional<CloudMessages> clouds;
+  if (has_clouds) {
+    auto first = first_cloud(uri, **reader, *topic, *scale);
+    if (!first) return first.error();
+    clouds = *std::move(first);
+    clouds->camera()->describe(info);
+  } else {
+    if (const Status status = check_for_images(uri); !status) return status.error();
+    info.width = images.width;
+    info.height = images.height;
+    info.unit = images.unit;
+  }
   // Counts of our own recordings may be of any unit; those of meters are made here.
-  const bool is_count = images.unit != kFloatUnit;
+  const bool is_count = !has_clouds && images.unit != kFloatUnit;
   if (is_count && uri.extras.contains("scale")) {
     return Error{Errc::invalid_argument, "camera " + uri.text +
                                              ": 'scale' is for images of 32FC1, and those on " +
                                              *topic + " are counts: pass ?unit=METERS"};
   }
-  const double unit = is_count ? images.unit : uri.unit.value_or(kFloatUnit);
+  const double unit = is_count || has_clouds ? info.unit : uri.unit.value_or(kFloatUnit);
   const auto said = is_count ? find_unit(contents, *topic) : std::nullopt;
   if (said && *said > kLargestUnit && !uri.unit) {
     return Error{Errc::bad_input, "camera " + uri.text + " declares a unit of " +
@@ -262,7 +309,7 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   for (const auto& [name, sensor] : contents.sensors) {
     if (ros_parent(name) == ros_parent(*topic)) info.sensor = sensor;
   }
-  auto models = contents.choose_lens(uri, *topic, notes);
+  auto models = has_clouds ? LensHistory() : contents.choose_lens(uri, *topic, notes);
   if (!models) return models.error();
   if (!models->empty()) set_ros_camera(models->front().second, *topic, info);
   auto place = place_of(uri, contents, images);
@@ -272,9 +319,12 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
     notes.push_back(info.name + ": a message of transforms is left out: " + contents.tf_trouble);
   }
   if (const Status again = (*reader)->rewind(); !again) return again.error();
-  return RawStream{std::make_unique<BagSource>(*std::move(reader), *topic, unit, *scale, said,
-                                               std::move(info), *std::move(models),
-                                               *std::move(place), uri.latency, std::move(notes))};
+  const Pose X_FC = clouds ? clouds->camera()->X_FC() : Pose{};
+  return RawStream{
+      std::make_unique<BagSource>(*std::move(reader), *topic, unit, *scale, said, std::move(info),
+                                  *std::move(models), *std::move(place), std::move(clouds),
+                                  uri.latency, std::move(notes)),
+      StampClock::cameras, true, X_FC};
 }
 
 FoundCameras find_bag_cameras() {
@@ -284,7 +334,8 @@ FoundCameras find_bag_cameras() {
           "",
           "",
           {},
-          "depth of ROS 2 and ROS 1 recordings, of RealSense cameras and of palpate record, with "
+          "depth or clouds of ROS 2 and ROS 1 recordings, of RealSense cameras and of palpate "
+          "record, with "
           "their camera_info; ?world=FRAME: the camera is where their tf says"};
 }
 

@@ -5,6 +5,7 @@
 #include <cstdlib>
 
 #include "palpate/settings/setting_table.h"
+#include "src/cloud/internal/cloud_camera.h"
 #include "src/core/internal/shared_library.h"
 #include "src/io/internal/cdr.h"
 #include "src/io/internal/ros_messages.h"
@@ -15,6 +16,7 @@ namespace {
 
 constexpr std::string_view kImage = "sensor_msgs/msg/Image";
 constexpr std::string_view kCompressed = "sensor_msgs/msg/CompressedImage";
+constexpr std::string_view kCloud = "sensor_msgs/msg/PointCloud2";
 constexpr std::string_view kCameraInfo = "sensor_msgs/msg/CameraInfo";
 constexpr std::string_view kText = "std_msgs/msg/String";
 constexpr std::string_view kTransforms = "tf2_msgs/msg/TFMessage";
@@ -77,6 +79,21 @@ void add_image(const std::string& schema, const McapMessage& message, BagContent
   topic.stamps.push_back(stamp.time);
 }
 
+/// The same of clouds: it is checked whether the first one can be read.
+void add_cloud(const McapMessage& message, BagContents::Images& topic) {
+  const RosStamp stamp = stamp_of(message);
+  CloudPoints points;
+  if (topic.num_frames == 0) {
+    if (const Status status = read_point_cloud(message.data, 1, points); !status) {
+      ++topic.num_bad;
+      return keep_first(topic.trouble, status.error());
+    }
+    topic.frame_id = std::string(stamp.frame);
+  }
+  ++topic.num_frames;
+  topic.stamps.push_back(stamp.time);
+}
+
 std::string described(const std::string& frame, int width, int height) {
   return "frame '" + frame + "' and " + std::to_string(width) + " x " + std::to_string(height) +
          " pixels";
@@ -101,6 +118,8 @@ std::string troubles_of(const std::map<std::string, BagContents::Images>& images
 }  // namespace
 
 bool is_image_type(const std::string& schema) { return schema == kImage || schema == kCompressed; }
+
+bool is_cloud_type(const std::string& schema) { return schema == kCloud; }
 
 RosStamp stamp_of(const McapMessage& message) {
   CdrReader from(message.data);
@@ -179,9 +198,12 @@ Status look_through(BagReader& reader, const CameraUri& uri, BagContents& conten
       if (from.is_good() && sensor) contents.sensors[channel.topic] = *sensor;
     } else if (channel.schema_name == kCameraInfo) {
       add_camera(**message, contents.cameras[channel.topic]);
-    } else if (is_image_type(channel.schema_name) &&
-               (desired.empty() || channel.topic == desired)) {
+    } else if (!desired.empty() && channel.topic != desired) {
+      continue;
+    } else if (is_image_type(channel.schema_name)) {
       add_image(channel.schema_name, **message, contents.images[channel.topic]);
+    } else if (is_cloud_type(channel.schema_name)) {
+      add_cloud(**message, contents.clouds[channel.topic]);
     }
   }
   contents.was_cut_off = reader.was_cut_off();
@@ -189,12 +211,13 @@ Status look_through(BagReader& reader, const CameraUri& uri, BagContents& conten
 }
 
 Result<std::string> BagContents::choose_images(const CameraUri& uri) const {
-  std::vector<std::string> topics;
-  for (const auto& [name, topic] : images) {
-    if (topic.num_frames > 0) topics.push_back(name);
-  }
-  if (topics.size() == 1) return topics.front();
-  if (!topics.empty()) {
+  for (const auto* const streams : {&images, &clouds}) {
+    std::vector<std::string> topics;
+    for (const auto& [name, topic] : *streams) {
+      if (topic.num_frames > 0) topics.push_back(name);
+    }
+    if (topics.size() == 1) return topics.front();
+    if (topics.empty()) continue;
     return Error{Errc::invalid_argument, "camera " + uri.text +
                                              " holds several depth streams; give ?topic= one of " +
                                              listed(topics)};
@@ -204,8 +227,14 @@ Result<std::string> BagContents::choose_images(const CameraUri& uri) const {
                "camera " + uri.text + " has no depth images" +
                    (desired.empty() ? "" : " on " + desired) +
                    "; they are sensor_msgs/Image of 16UC1 or 32FC1, or CompressedImage of "
-                   "compressedDepth or PNG" +
-                   troubles_of(images) + (was_cut_off ? "; the file was cut off" : "")};
+                   "compressedDepth or PNG; nor clouds, sensor_msgs/PointCloud2" +
+                   troubles_of(images) + troubles_of(clouds) +
+                   (was_cut_off ? "; the file was cut off" : "")};
+}
+
+bool BagContents::has_clouds(const std::string& topic) const {
+  const auto found = images.find(topic);
+  return found == images.end() || found->second.num_frames == 0;
 }
 
 Result<LensHistory> BagContents::choose_lens(const CameraUri& uri, const std::string& topic,

@@ -38,6 +38,7 @@ struct BagContents {
     std::string trouble;   // likewise
   };
   std::map<std::string, Images> images;  // by topic, as all that follows
+  std::map<std::string, Images> clouds;
   std::map<std::string, Camera> cameras;
   std::map<std::string, double> units;  // the first one
   std::map<std::string, int> messages;
@@ -47,8 +48,11 @@ struct BagContents {
   std::string tf_trouble;          // why a message of transforms is none; of the first such
   bool was_cut_off = false;
 
-  /// The topic to read: the desired one, or the only one with depth.
+  /// The topic to read: the desired one, or the only one with depth; without any, the only one with
+  /// clouds.
   Result<std::string> choose_images(const CameraUri& uri) const;
+  /// True if what is to be read of a topic are clouds.
+  bool has_clouds(const std::string& topic) const;
   /// The lens of images: that of `info=`, beside them, of their frame, or the only one. None: it is
   /// not known. `notes` get what is to be said of it. Error: it cannot be read, or is that of
   /// another camera, and none is given.
@@ -66,6 +70,7 @@ Status look_through_first_part(BagReader& reader, BagContents& contents);
 Result<DepthFrame> read_bag_frame(const std::string& schema, const McapMessage& message,
                                   double unit, double scale);
 bool is_image_type(const std::string& schema);
+bool is_cloud_type(const std::string& schema);
 /// Returns when an image was captured, or recorded if it has no stamp, s; and in which frame.
 RosStamp stamp_of(const McapMessage& message);
 /// Meters per count, as in our recordings and those of RealSense cameras.

@@ -35,7 +35,7 @@ Error damaged_info() { return {Errc::bad_input, "a camera_info is damaged; recor
 
 }  // namespace
 
-Result<double> scale_of_floats(const CameraUri& uri) {
+Result<double> scale_of_numbers(const CameraUri& uri) {
   constexpr double kMin = 1e-6, kMax = 1000;
   const auto given = uri.extras.find("scale");
   if (given == uri.extras.end()) return 1.0;

@@ -6,11 +6,13 @@
 #include <string_view>
 
 #include "palpate/cameras/cameras.h"
+#include "src/cloud/internal/frame_limits.h"
 
 namespace palpate { inline namespace v0 {
 
-/// Returns meters per number of 32FC1 images, by `scale=`; else 1. Error: an invalid number.
-Result<double> scale_of_floats(const CameraUri& uri);
+/// Returns meters per number of 32FC1 images and of points, by `scale=`; else 1. Error: an invalid
+/// number.
+Result<double> scale_of_numbers(const CameraUri& uri);
 
 /// sensor_msgs/CompressedImage of the transport compressedDepth: PNG or RVL of 16UC1 or 32FC1; or
 /// a PNG of 16 bits. Errors: another format, a damaged image.
@@ -35,9 +37,6 @@ bool is_calibrated(const RosCameraModel& camera, const std::string& topic);
 /// Sets intrinsics and distortion of the images on that topic, for the size that `info` has. Images
 /// of the whole size are taken as whole, whatever the region.
 void set_ros_camera(const RosCameraModel& camera, const std::string& topic, DepthStreamInfo& info);
-
-/// Unit of the counts of depth in meters: up to 16 m in steps of 0.25 mm.
-inline constexpr double kFloatUnit = 0.00025;
 
 /// The topic without the transport that is written behind it: "/camera/depth/image_raw" of
 /// "/camera/depth/image_raw/compressedDepth".

@@ -65,6 +65,11 @@ void ReceivedMessages::transforms(std::string_view message, bool is_static) {
   changed_.notify_all();
 }
 
+void ReceivedMessages::forget_lens() {
+  const std::lock_guard lock(mutex_);
+  models_.clear();
+}
+
 std::optional<ReceivedMessages::Place> ReceivedMessages::place(const std::string& world,
                                                                const std::string& frame,
                                                                double time) {

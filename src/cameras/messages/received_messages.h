@@ -29,6 +29,8 @@ class ReceivedMessages {
   void image(std::string_view message);
   void camera_info(std::string_view message);
   void transforms(std::string_view message, bool is_static);
+  /// Forgets the camera_infos that have come: what comes has no lens.
+  void forget_lens();
 
   struct Place {
     Pose X_WC;

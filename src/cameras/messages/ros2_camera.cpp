@@ -1,10 +1,12 @@
-// Depth from a topic of ROS 2: Image or compressedDepth, with its CameraInfo, and where the camera
-// is by tf.
+// Depth from a topic of ROS 2: Image or compressedDepth, with its CameraInfo, or PointCloud2, and
+// where the camera is by tf.
+#include <algorithm>
 #include <chrono>
 #include <thread>
 #include <utility>
 
 #include "src/cameras/camera_kinds.h"
+#include "src/cameras/messages/cloud_messages.h"
 #include "src/cameras/messages/depth_messages.h"
 #include "src/cameras/messages/received_messages.h"
 #include "src/core/internal/monotonic_clock.h"
@@ -21,6 +23,7 @@ using namespace std::chrono_literals;
 constexpr double kFirstImage = 10;     // s, while opening
 constexpr double kDiscovery = 0.5;     // s: publishers that are there are found
 constexpr double kLongestSilence = 2;  // s without an image until a note
+constexpr char kClouds[] = "sensor_msgs/PointCloud2";
 
 double seconds_since_1970() {
   return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
@@ -30,7 +33,7 @@ class Ros2Source final : public DepthSource {
  public:
   static Result<std::unique_ptr<Ros2Source>> open(const CameraUri& uri,
                                                   const CameraOpening& opening) {
-    const auto scale = scale_of_floats(uri);
+    const auto scale = scale_of_numbers(uri);
     if (!scale) return scale.error();
     auto node = RosNode::join();
     if (!node) return node.error();
@@ -45,6 +48,7 @@ class Ros2Source final : public DepthSource {
   void cancel() noexcept override { received_.cancel(); }
   std::vector<std::string> take_notes() override { return received_.take_notes(); }
   StampClock stamps() const { return clock_; }
+  Pose X_FC() const { return clouds_ ? clouds_->camera()->X_FC() : Pose{}; }
 
   Result<bool> next(DepthFrame& frame) override {
     if (has_first_) {
@@ -96,22 +100,21 @@ class Ros2Source final : public DepthSource {
   }
 
   Status listen() {
-    RosQos qos = RosQos::sensor();
     if (const auto given = uri_.extras.find("qos"); given != uri_.extras.end()) {
-      qos.is_reliable = given->second == "reliable";
-      if (!qos.is_reliable && given->second != "best_effort") {
+      qos_.is_reliable = given->second == "reliable";
+      if (!qos_.is_reliable && given->second != "best_effort") {
         return Error{Errc::invalid_argument, "camera " + uri_.text +
                                                  ": qos is reliable or best_effort, not '" +
                                                  given->second.substr(0, 40) + "'"};
       }
     }
-    auto images = node_->subscribe(
-        topic_, is_compressed_ ? "sensor_msgs/CompressedImage" : "sensor_msgs/Image", qos,
-        [this](std::string_view message) { received_.image(message); });
-    if (!images) return images.error();
-    images_ = *std::move(images);
+    if (const Status status =
+            listen_to(is_compressed_ ? "sensor_msgs/CompressedImage" : "sensor_msgs/Image");
+        !status) {
+      return status;
+    }
     auto infos =
-        node_->subscribe(info_topic_, "sensor_msgs/CameraInfo", qos,
+        node_->subscribe(info_topic_, "sensor_msgs/CameraInfo", qos_,
                          [this](std::string_view message) { received_.camera_info(message); });
     if (!infos) return infos.error();
     infos_ = *std::move(infos);
@@ -130,6 +133,30 @@ class Ros2Source final : public DepthSource {
     return subscribe_tf("/tf_static", true, statics_);
   }
 
+  Status listen_to(const char* type) {
+    auto images = node_->subscribe(topic_, type, qos_,
+                                   [this](std::string_view message) { received_.image(message); });
+    if (!images) return images.error();
+    images_ = *std::move(images);
+    return Done{};
+  }
+
+  /// Listens to clouds once it is known that the topic has them, and no images.
+  Status follow_type() {
+    const std::vector<RosTopic> topics = node_->topics();
+    const auto has = [&](const char* type) {
+      return std::ranges::find(topics, RosTopic{topic_, type}) != topics.end();
+    };
+    if (clouds_ || !has(kClouds) || has("sensor_msgs/Image")) return Done{};
+    const auto options = cloud_options(uri_);
+    if (!options) return options.error();
+    clouds_.emplace(*options, scale_);
+    infos_.reset();
+    images_.reset();
+    received_.forget_lens();
+    return listen_to(kClouds);
+  }
+
   /// Says what the images are like. Error: none has come, or none that is understood.
   Status wait_for_first(const CameraOpening& opening) {
     const double begin = monotonic_now();
@@ -140,7 +167,9 @@ class Ros2Source final : public DepthSource {
         opening.on_wait(info_.name +
                         " waits up to 10 s for its first depth image: " + what_there_is());
       }
+      if (const Status status = follow_type(); !status) return status;
       if (!read(first_)) continue;
+      if (const Status status = clouds_ ? Done{} : check_for_images(uri_); !status) return status;
       has_first_ = true;
       info_.width = first_.width;
       info_.height = first_.height;
@@ -167,7 +196,8 @@ class Ros2Source final : public DepthSource {
   std::string what_there_is() const {
     std::vector<std::string> others;
     for (const RosTopic& topic : node_->topics()) {
-      if (topic.type == "sensor_msgs/Image" || topic.type == "sensor_msgs/CompressedImage") {
+      if (topic.type == "sensor_msgs/Image" || topic.type == "sensor_msgs/CompressedImage" ||
+          topic.type == kClouds) {
         others.push_back(topic.name);
       }
     }
@@ -182,8 +212,9 @@ class Ros2Source final : public DepthSource {
     if (!received_.take(image_)) return false;
     last_image_ = monotonic_now();
     const double unit = uri_.unit.value_or(kFloatUnit);
-    auto got = is_compressed_ ? read_compressed_depth(image_.message, unit, scale_)
-                              : read_depth_image(image_.message, unit, scale_);
+    auto got = clouds_          ? clouds_->read(image_.message)
+               : is_compressed_ ? read_compressed_depth(image_.message, unit, scale_)
+                                : read_depth_image(image_.message, unit, scale_);
     if (!got) {
       received_.add_note("sends images that are dropped: " + got.error().message);
       return false;
@@ -192,7 +223,10 @@ class Ros2Source final : public DepthSource {
     if (frame.timestamp != 0) frame.stamp = frame.timestamp - uri_.latency;
     if (!place(frame)) return false;
     if (clock_ == StampClock::shared) frame.timestamp += monotonic_now() - seconds_since_1970();
-    if (image_.model) {
+    if (clouds_) {
+      clouds_->camera()->describe(info_);
+      if (const std::string text = clouds_->take_note(); !text.empty()) received_.add_note(text);
+    } else if (image_.model) {
       info_.width = frame.width;
       info_.height = frame.height;
       set_ros_camera(*image_.model, topic_, info_);
@@ -224,6 +258,8 @@ class Ros2Source final : public DepthSource {
   const double scale_;
   std::string info_topic_;
   const std::shared_ptr<RosNode> node_;
+  RosQos qos_ = RosQos::sensor();
+  std::optional<CloudMessages> clouds_;  // none: images
   DepthStreamInfo info_;
   ReceivedMessages received_{topic_};
   ReceivedMessages::Image image_;
@@ -239,12 +275,14 @@ class Ros2Source final : public DepthSource {
 }  // namespace
 
 Result<RawStream> open_ros2_camera(const CameraUri& uri, const CameraOpening& opening) {
-  if (const Status status = uri.check_extras({"info", "qos", "clock", "world", "frame", "scale"});
+  if (const Status status = uri.check_extras(
+          {"info", "qos", "clock", "world", "frame", "scale", "viewpoint", "look"});
       !status)
     return status.error();
   if (uri.target.empty()) {
-    return Error{Errc::invalid_argument,
-                 "ros2: needs the topic of the depth image, e.g. ros2:/camera/depth/image_raw"};
+    return Error{
+        Errc::invalid_argument,
+        "ros2: needs the topic of the depth image or cloud, e.g. ros2:/camera/depth/image_raw"};
   }
   if (uri.extras.contains("world") && (!(uri.X_WC == Pose{}) || !uri.poses.empty())) {
     return Error{
@@ -254,7 +292,8 @@ Result<RawStream> open_ros2_camera(const CameraUri& uri, const CameraOpening& op
   auto source = Ros2Source::open(uri, opening);
   if (!source) return source.error();
   const StampClock clock = (*source)->stamps();
-  return RawStream{*std::move(source), clock, false};
+  const Pose X_FC = (*source)->X_FC();
+  return RawStream{*std::move(source), clock, false, X_FC};
 }
 
 FoundCameras find_ros2_cameras() {
@@ -284,7 +323,7 @@ FoundCameras find_ros2_cameras() {
   for (const RosTopic& topic : (*node)->topics()) {
     const bool is_compressed = topic.type == "sensor_msgs/CompressedImage";
     if (is_compressed && !topic.name.ends_with("/compressedDepth")) continue;
-    if (is_compressed || topic.type == "sensor_msgs/Image") {
+    if (is_compressed || topic.type == "sensor_msgs/Image" || topic.type == kClouds) {
       found.devices.push_back("ros2:" + topic.name);
     }
   }

@@ -20,6 +20,9 @@ class CameraPoses {
   static Result<CameraPoses> of(const CameraUri& uri);
   static Result<CameraPoses> of(const CameraUri& uri, bool is_received, RobotTrees& trees);
 
+  /// Says where in that frame the camera of the images is.
+  void see_from(const Pose& X_FC) { X_HC_ = X_HC_ * X_FC; }
+
   bool is_moving() const { return path_.size() > 1 || (link_ && link_->is_moving()); }
   /// The camera stays where others take it to be: at the origin of W, or where tf has it.
   bool is_left_alone() const {

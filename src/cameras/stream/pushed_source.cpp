@@ -1,7 +1,11 @@
-#include "palpate/cameras/cameras.h"
+#include <mutex>
+#include <string>
+#include <utility>
 
+#include "palpate/cameras/cameras.h"
 #include "src/cameras/stream/frame_intake.h"
 #include "src/cameras/stream/rectifier.h"
+#include "src/cloud/internal/cloud_camera.h"
 #include "src/cloud/internal/frame_limits.h"
 #include "src/cloud/internal/lens_table.h"
 #include "src/core/internal/monotonic_clock.h"
@@ -19,7 +23,8 @@ class Pushed final : public PushedSource {
                  options.has_time_stamps ? StampClock::cameras : StampClock::none,
                  options.latency,
                  info.name.empty() ? "the pushed camera" : info.name}),
-        raw_info_(info) {
+        raw_info_(info),
+        points_camera_({info.width, info.height, info.intrinsics, {}}, info.unit) {
     truth_.intrinsics = info.intrinsics;
     info_.is_live = true;
     info_.num_frames = {};
@@ -41,6 +46,25 @@ class Pushed final : public PushedSource {
     frame.X_WC = X_WC;  // of the memory that came back: what the caller has set stays
     frame.flow.clear();
   }
+  void push_points(const PointsView& points, const Pose& X_WC, double timestamp) override {
+    const double now = monotonic_now();
+    const std::size_t num = points.points.size();
+    if (points.width < 1 || points.height < 1 || num > kMaxCloudPoints ||
+        num != static_cast<std::size_t>(points.width) * static_cast<std::size_t>(points.height) ||
+        (!points.normals.empty() && points.normals.size() != num)) {
+      intake_.add_note(
+          "got points whose number does not match their size or their normals, or is above " +
+          std::to_string(kMaxCloudPoints) + "; they are dropped");
+      return;
+    }
+    const std::lock_guard lock(points_mutex_);
+    const CloudShares shares = points_camera_.take(points, points_frame_);
+    if (!shares.is_image && !std::exchange(is_noted_, true)) intake_.add_note(shares.text());
+    drop_far_codes(points_frame_, info_.sensor);
+    points_frame_.X_WC = X_WC;
+    points_frame_.timestamp = timestamp;
+    intake_.give(points_frame_, points_camera_.model(), now);
+  }
   void end() override { intake_.end(false); }
 
   const DepthStreamInfo& info() const override { return info_; }
@@ -53,6 +77,10 @@ class Pushed final : public PushedSource {
   CameraTruth truth_;
   FrameIntake intake_;
   const DepthStreamInfo raw_info_;  // with its distortion
+  std::mutex points_mutex_;         // guards the members below
+  CloudCamera points_camera_;
+  DepthFrame points_frame_;
+  bool is_noted_ = false;
 };
 
 }  // namespace

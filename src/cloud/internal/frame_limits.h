@@ -19,7 +19,18 @@ inline bool is_in_seconds(double time_stamp) { return std::abs(time_stamp) <= kL
 /// m per count.
 inline constexpr double kLargestUnit = 1;
 
+/// m per count of depth in meters: up to 16 m in steps of 0.25 mm.
+inline constexpr double kFloatUnit = 0.00025;
+
 inline bool is_depth_unit(double unit) { return unit > 0 && unit <= kLargestUnit; }
+
+/// Converts meters to counts, kFarCount for depth beyond the range, up to +inf (REP 117: nothing is
+/// within range). NaN, depth that is too near and -inf are no measurement, 0.
+inline std::uint16_t count_of(double meters, double unit) {
+  const double count = std::floor(meters / unit + 0.5);
+  if (!(count >= 1)) return 0;  // nor is NaN a measurement
+  return count < kFarCount ? static_cast<std::uint16_t>(count) : kFarCount;
+}
 
 /// Removes kFarCount unless the sensor can measure so far.
 inline void drop_far_codes(DepthFrame& frame, SensorKind sensor) {

@@ -6,9 +6,10 @@
 #include <utility>
 
 #include "palpate/io/formats.h"
+#include "src/cloud/internal/frame_limits.h"
 #include "src/io/clouds/cloud_columns.h"
 #include "src/io/internal/atomic_file.h"
-#include "src/io/internal/ros_image.h"
+#include "src/io/internal/cloud_folder.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -48,15 +49,25 @@ std::string words_of_eye(const std::filesystem::path& path, const Vec3d& eye,
   return *text == '\0' ? "" : path.string() + text;
 }
 
+Result<std::string> read_cloud_file(const std::filesystem::path& path) {
+  auto content = read_file(path);
+  if (content && !is_ply(*content) && !is_pcd(*content))
+    return in_file(path, "is neither a PLY nor a PCD file; give a cloud in one of these formats");
+  return content;
+}
+
+/// The first `num` of x, y, z and the three of the normal.
+Result<CloudColumns> read_columns(std::string_view content, std::size_t num) {
+  return is_ply(content) ? read_ply_columns(content, std::span(kPlyNames).first(num))
+                         : read_pcd_columns(content, std::span(kPcdNames).first(num));
+}
+
 }  // namespace
 
 Result<CloudFile> load_cloud(const std::filesystem::path& path) {
-  const auto content = read_file(path);
+  const auto content = read_cloud_file(path);
   if (!content) return content.error();
-  if (!is_ply(*content) && !is_pcd(*content))
-    return in_file(path, "is neither a PLY nor a PCD file; give a cloud in one of these formats");
-  const auto columns = is_ply(*content) ? read_ply_columns(*content, kPlyNames)
-                                        : read_pcd_columns(*content, kPcdNames);
+  const auto columns = read_columns(*content, kPlyNames.size());
   if (!columns) {
     return in_file(path, columns.error().message +
                              "; a cloud needs x y z and normals (PLY: nx ny nz, PCD: normal_x "
@@ -76,6 +87,25 @@ Result<CloudFile> load_cloud(const std::filesystem::path& path) {
     num_turned += is_turned;
   }
   return CloudFile{std::move(cloud), words_of_eye(path, columns->eye, num_turned, num_usable)};
+}
+
+Result<PointsFile> load_points(const std::filesystem::path& path, double scale) {
+  const auto content = read_cloud_file(path);
+  if (!content) return content.error();
+  auto columns = read_columns(*content, 6);
+  if (!columns) columns = read_columns(*content, 3);
+  if (!columns) return in_file(path, columns.error().message + "; a cloud needs x, y and z");
+  const auto& v = columns->values;
+  if (v[0].size() > kMaxCloudPoints) {
+    return in_file(path, "has more than " + std::to_string(kMaxCloudPoints) + " points; thin it");
+  }
+  PointsFile file{{columns->width, columns->height, {}, {}}, scale * columns->eye};
+  const float factor = static_cast<float>(scale);
+  for (std::size_t i = 0; i < v[0].size(); ++i) {
+    file.cloud.points.push_back(factor * Vec3f{v[0][i], v[1][i], v[2][i]});
+    if (v.size() == 6) file.cloud.normals.push_back({v[3][i], v[4][i], v[5][i]});
+  }
+  return file;
 }
 
 Result<DepthFrame> load_depth_pcd(const std::filesystem::path& path, double unit) {

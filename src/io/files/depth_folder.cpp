@@ -12,9 +12,8 @@
 #include <vector>
 
 #include "palpate/io/formats.h"
-#include "src/cloud/internal/frame_limits.h"
 #include "src/io/internal/atomic_file.h"
-#include "src/io/internal/text_scanner.h"
+#include "src/io/internal/frame_list.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -23,82 +22,8 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kLookedAt = 10'000;  // frames whose size is known before they are read
 
-struct Entry {
-  double time = 0;
-  std::string path;  // millions of fs::path would take seconds
-};
-
 Error bad(const fs::path& path, const std::string& what) {
   return {Errc::bad_input, path.string() + " " + what};
-}
-
-/// "frame2" before "frame10": runs of digits compare as numbers, then everything as text.
-bool natural_less(const std::string& a, const std::string& b) {
-  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
-  std::size_t i = 0, j = 0;
-  while (i < a.size() && j < b.size()) {
-    if (!is_digit(a[i]) || !is_digit(b[j])) {
-      if (a[i] != b[j]) return a[i] < b[j];
-      ++i;
-      ++j;
-      continue;
-    }
-    const auto take_digits = [&](const std::string& text, std::size_t& at) {
-      while (at < text.size() && text[at] == '0') ++at;
-      const std::size_t first = at;
-      while (at < text.size() && is_digit(text[at])) ++at;
-      return std::string_view(text).substr(first, at - first);
-    };
-    const std::string_view m = take_digits(a, i), n = take_digits(b, j);
-    if (m.size() != n.size()) return m.size() < n.size();
-    if (m != n) return m < n;
-  }
-  if ((i < a.size()) != (j < b.size())) return j < b.size();
-  return a < b;
-}
-
-/// Lines "timestamp path" relative to the folder, as the TUM RGB-D benchmark has them.
-Result<std::vector<Entry>> read_tum_list(const fs::path& list) {
-  const auto content = read_file(list);
-  if (!content) return content.error();
-  std::vector<Entry> entries;
-  const std::string folder = (list.parent_path() / "").string();
-  std::string_view rest = without_mark(*content);
-  for (int line_number = 1; !rest.empty(); ++line_number) {
-    std::string_view line = take_line(rest);
-    const std::string_view stamp = take_word(line), name = take_word(line);
-    if (stamp.empty() || stamp.starts_with('#')) continue;
-    const std::string where = "line " + std::to_string(line_number);
-    const auto time = parse_number<double>(stamp);
-    if (!time || name.empty() || !take_word(line).empty())
-      return bad(list, where + " is not 'timestamp path'; correct it");
-    if (!is_in_seconds(*time))
-      return bad(list, where + " has the time stamp " + std::string(stamp.substr(0, 40)) +
-                           ", which is no time in seconds; give seconds");
-    if (!entries.empty() && *time <= entries.back().time)
-      return bad(list, where + " does not come after the line before in time; sort the list");
-    entries.push_back(
-        {*time, name.starts_with('/') ? std::string(name) : folder + std::string(name)});
-  }
-  return entries;
-}
-
-Result<std::vector<Entry>> list_pngs(const fs::path& folder, double rate) {
-  std::error_code error;
-  std::vector<Entry> entries;
-  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
-    const fs::path& path = it->path();
-    if (path.extension() == ".png" || path.extension() == ".PNG")
-      entries.push_back({0, path.string()});
-  }
-  if (error)
-    return Error{Errc::io_failure, "cannot list " + folder.string() + ": " + error.message() +
-                                       "; check its permissions"};
-  std::sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
-    return natural_less(a.path, b.path);  // of one folder
-  });
-  for (std::size_t k = 0; k < entries.size(); ++k) entries[k].time = static_cast<double>(k) / rate;
-  return entries;
 }
 
 struct ImageSize {
@@ -148,13 +73,13 @@ fs::path flow_file(const fs::path& folder, const fs::path& frame) {
 }
 
 /// True if any of the frames has a flow file: there may be millions, too many to look up each.
-bool has_flow(const fs::path& folder, const std::vector<Entry>& entries) {
+bool has_flow(const fs::path& folder, const std::vector<FrameEntry>& entries) {
   std::error_code error;
   std::unordered_set<std::string> names;
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
     if (it->path().extension() == ".flo") names.insert(it->path().stem().string());
   }
-  return std::ranges::any_of(entries, [&](const Entry& entry) {
+  return std::ranges::any_of(entries, [&](const FrameEntry& entry) {
     return names.contains(fs::path(entry.path).stem().string());
   });
 }
@@ -180,14 +105,14 @@ Result<std::vector<float>> load_flow(const fs::path& path, int width, int height
 class FolderSource : public DepthSource {
  public:
   /// `flow`: a folder; empty: none.
-  FolderSource(std::vector<Entry> entries, DepthStreamInfo info, fs::path flow)
+  FolderSource(std::vector<FrameEntry> entries, DepthStreamInfo info, fs::path flow)
       : entries_(std::move(entries)), info_(std::move(info)), flow_(std::move(flow)) {}
 
   const DepthStreamInfo& info() const override { return info_; }
 
   Result<bool> next(DepthFrame& frame) override {
     if (next_ == entries_.size()) return false;
-    const Entry& entry = entries_[next_++];
+    const FrameEntry& entry = entries_[next_++];
     auto loaded = load_depth_png(entry.path, info_.unit);
     if (!loaded) return loaded.error();
     if (loaded->width != info_.width || loaded->height != info_.height)
@@ -205,7 +130,7 @@ class FolderSource : public DepthSource {
   }
 
  private:
-  std::vector<Entry> entries_;
+  std::vector<FrameEntry> entries_;
   DepthStreamInfo info_;
   fs::path flow_;
   std::size_t next_ = 0;
@@ -227,48 +152,37 @@ std::optional<Error> check(const DepthFolderOptions& options) {
 Result<std::unique_ptr<DepthSource>> open_depth_folder(const fs::path& folder,
                                                        const DepthFolderOptions& options) {
   if (auto error = check(options)) return *std::move(error);
-  std::error_code ignored;
-  const auto kind = fs::status(folder, ignored).type();
-  if (kind == fs::file_type::regular)
-    return bad(folder, "is not a folder; give the folder of the frames");
-  if (kind == fs::file_type::not_found)
-    return Error{Errc::not_found, "no such folder: " + folder.string() + "; check its name"};
-  const bool is_tum = fs::exists(folder / "depth.txt", ignored);
-  auto entries = is_tum ? read_tum_list(folder / "depth.txt") : list_pngs(folder, options.rate);
-  if (entries && entries->empty() && !is_tum && fs::is_directory(folder / "depth", ignored))
-    entries = list_pngs(folder / "depth", options.rate);
-  if (!entries) return entries.error();
-  if (entries->empty())
-    return bad(folder, "has no depth frames; give a folder with 16-bit PNGs or a depth.txt");
+  const auto list = list_frames(folder, options.rate);
+  if (!list) return list.error();
+  return open_depth_folder(folder, *list, options);
+}
 
-  const auto size = read_size(entries->front().path);
+Result<std::unique_ptr<DepthSource>> open_depth_folder(const fs::path& folder,
+                                                       const FrameList& list,
+                                                       const DepthFolderOptions& options) {
+  const std::vector<FrameEntry>& entries = list.entries;
+  const auto size = read_size(entries.front().path);
   if (!size) return size.error();
-  for (const Entry& entry : std::span(*entries).first(std::min(entries->size(), kLookedAt))) {
+  for (const FrameEntry& entry : std::span(entries).first(std::min(entries.size(), kLookedAt))) {
     const auto other = read_size(entry.path);
     if (!other) return other.error();
     if (!(*other == *size))
-      return bad(entry.path, "is not of the same size as " + entries->front().path +
+      return bad(entry.path, "is not of the same size as " + entries.front().path +
                                  "; put only frames of one camera into a folder");
   }
   DepthStreamInfo info{static_cast<int>(size->width),
                        static_cast<int>(size->height),
                        options.intrinsics,
                        options.unit,
-                       options.rate,
-                       static_cast<int>(entries->size()),
+                       list.rate,
+                       static_cast<int>(entries.size()),
                        folder.string()};
-  if (is_tum && entries->size() > 1) {
-    info.rate =
-        static_cast<double>(entries->size() - 1) / (entries->back().time - entries->front().time);
-    if (!(info.rate > 0) || !std::isfinite(info.rate))
-      return bad(folder / "depth.txt", "has timestamps that are not seconds; correct them");
-  }
   info.has_flow = !options.flow.empty();
-  if (info.has_flow && !has_flow(options.flow, *entries)) {
+  if (info.has_flow && !has_flow(options.flow, entries)) {
     return bad(options.flow, "has no optical flow of these frames: NAME.flo goes with NAME.png");
   }
   return std::unique_ptr<DepthSource>(
-      std::make_unique<FolderSource>(*std::move(entries), std::move(info), options.flow));
+      std::make_unique<FolderSource>(entries, std::move(info), options.flow));
 }
 
 }}  // namespace palpate::v0

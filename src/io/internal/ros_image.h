@@ -1,4 +1,4 @@
-// Depth images as ROS sends them.
+// Depth images and point clouds as ROS sends them.
 #pragma once
 
 #include <string_view>
@@ -9,10 +9,17 @@
 namespace palpate { inline namespace v0 {
 
 class CdrReader;
+struct CloudPoints;
 
 /// sensor_msgs/Image, 16UC1 (mm) or 32FC1 (numbers of `scale` meters, in counts of `unit`).
 /// DepthFrame::timestamp is the header's. Errors: another encoding, a damaged message.
 Result<DepthFrame> read_depth_image(std::string_view message, double unit, double scale = 1);
+/// Reads sensor_msgs/PointCloud2: x, y, z, and normal_x, normal_y, normal_z where it has all three,
+/// wherever they lie in a point, of any number type, in either byte order; `scale`: meters per
+/// number. Nothing is allocated before all sizes are checked against the message; the memory of
+/// `points` is used again. Errors: damaged, no points, more than kMaxCloudPoints, a coordinate that
+/// is missing, there twice, or outside of its point.
+Status read_point_cloud(std::string_view message, double scale, CloudPoints& points);
 /// As flow_message writes it: DepthFrame::flow. Error: damaged.
 Result<std::vector<float>> read_flow_image(std::string_view message);
 
@@ -22,10 +29,6 @@ struct RosStamp {
   std::string_view frame;  ///< of coordinates
 };
 RosStamp read_ros_header(CdrReader& from);
-
-/// Converts meters to counts, kFarCount for depth beyond the range, up to +inf (REP 117: nothing is
-/// within range). NaN, depth that is too near and -inf are no measurement, 0.
-std::uint16_t count_of(double meters, double unit);
 
 /// Reads counts that are compressed by runs of zeros and differences (Wilson, Fast Lossless Depth
 /// Image Compression, ISS 2017), as ROS's compressedDepth sends them.

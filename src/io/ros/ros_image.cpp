@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstring>
 #include <string>
 
+#include "src/cloud/internal/frame_limits.h"
 #include "src/io/internal/cdr.h"
 
 namespace palpate { inline namespace v0 {
@@ -32,12 +32,6 @@ RosStamp read_ros_header(CdrReader& from) {
   const auto seconds = from.number<std::int32_t>();
   const auto nanoseconds = from.number<std::uint32_t>();
   return {seconds + 1e-9 * nanoseconds, from.text()};
-}
-
-std::uint16_t count_of(double meters, double unit) {
-  const double count = std::floor(meters / unit + 0.5);
-  if (!(count >= 1)) return 0;  // nor is NaN a measurement
-  return count < kFarCount ? static_cast<std::uint16_t>(count) : kFarCount;
 }
 
 Result<DepthFrame> read_depth_image(std::string_view message, double unit, double scale) {
