@@ -81,7 +81,7 @@ template <class Sample>
   std::uint32_t known = 0, requested = (1u << kNumClusters) - 1;
   const int first = group * kNumClusters;
   const auto field_at = [](const Hull<Sample>& at) {
-    return SpaceCurvature<VecF>{first_of(at.hull), second_of(at.hull)};
+    return SpaceCurvature<VecF>{first_of(at.joined.hull), second_of(at.joined.hull)};
   };
   const auto place_of = [&](Hull<Sample>& at) { return noise.wants() ? at.place() : NoisePlace{}; };
   for_each_touching<Sample>(
@@ -101,7 +101,7 @@ template <class Sample>
           const VecF share = load(wholes.shares() + i * kLanes);
           if (!is_near || mask_bits(share > VecF{}) == 0) continue;
           unseen.add(i % RowSums::kParts,
-                     select(at.is_unseen(), share * whole_volume(job.tool.wholes, slot, e.radius),
+                     select(at.joined.is_unseen(), share * whole_volume(job.tool.wholes, slot, e.radius),
                             VecF{}));
         }
         for (int number = 0; number < kNumClusters; ++number) {
@@ -114,7 +114,7 @@ template <class Sample>
         const SpaceCurvature<VecF> field = field_at(at);
         const SpaceGradient<VecF>& g = field.first;
         unseen.add(
-            part, select(at.is_unseen(),
+            part, select(at.joined.is_unseen(),
                          (1.0f - share) * whole_volume(job.tool.elements, slot, e.radius), VecF{}));
         if (cluster < job.tool.first_ball) {
           GroupTotals<kWithStiffness>& sums = share > 0 ? blended : totals;
@@ -176,15 +176,15 @@ void describe_hull_group(const HullJob& job, int group, const SphereCuts& to) {
   for_each_touching<Gradient>(
       job, group, requested, [](Hull<Gradient>&, const Grid&) {},
       [&](std::size_t slot, const Lanes& e, Hull<Gradient>& at, int) {
-        const SpaceGradient<VecF>& g = at.hull;
-        const VecI nobody = at.decider < VecI{};
+        const SpaceGradient<VecF>& g = at.joined.hull;
+        const VecI nobody = at.joined.decider < VecI{};
         VecI number{};
         for (int k = 0; k < job.num_cameras; ++k) {
-          number = at.decider == splat(k) ? splat(job.cameras[k].number) : number;
+          number = at.joined.decider == splat(k) ? splat(job.cameras[k].number) : number;
         }
         describe(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, to,
                  nobody ? splat(kNoCamera) : number);
-        mark_unseen(job.tool, slot, at.is_unseen(), to.unseen);
+        mark_unseen(job.tool, slot, at.joined.is_unseen(), to.unseen);
       },
       [](int) {});
 }
