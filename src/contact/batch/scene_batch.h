@@ -34,8 +34,8 @@ class SceneBatch {
                       std::span<const PlacedBody> bodies) = 0;
   /// Measures the sum of the contact with the hull of all cameras and with the bodies, as
   /// ContactQuery and BodyPairQuery do it for one pose, to 1e-5 of their results. The result of a
-  /// pose has the same bits whatever else is in the batch. `unseen`: P, m3, in host memory, or null.
-  /// Noise is not computed. Waits. Errors: as above.
+  /// pose has the same bits whatever else is in the batch. `unseen`: P, m3, in host memory, or
+  /// null. Noise is not computed. Waits. Errors: as above.
   virtual Status measure(const SceneBatchPoses& poses, const BatchAnswers& answers,
                          double* unseen) = 0;
 };

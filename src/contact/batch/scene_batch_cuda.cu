@@ -24,8 +24,13 @@ class SceneBatchCuda final : public SceneBatch {
  public:
   SceneBatchCuda(std::span<const std::shared_ptr<const ToolIndex>> tools, SphereVolumes volumes,
                  int gpu)
-      : gpu_(gpu), tools_(tools.begin(), tools.end()), memory_(gpu), stream_(gpu, gpu::Priority::low),
-        cameras_(gpu), of_scene_(gpu), staged_(gpu) {
+      : gpu_(gpu),
+        tools_(tools.begin(), tools.end()),
+        memory_(gpu),
+        stream_(gpu, gpu::Priority::low),
+        cameras_(gpu),
+        of_scene_(gpu),
+        staged_(gpu) {
     std::vector<SceneTool> made;
     for (const auto& index : tools_) {
       made.push_back({make_field_tool(*index, volumes, memory_).elements,
@@ -129,9 +134,10 @@ class SceneBatchCuda final : public SceneBatch {
                   });
       job.unseen = unseen != nullptr ? staged_.unseen : nullptr;
       const auto launch = [&](auto* kernel, std::size_t bytes) {
-        gpu::launch(stream_,
-                    {.blocks = static_cast<int>(size), .threads = kHullThreads, .shared_bytes = bytes},
-                    kernel, job);
+        gpu::launch(
+            stream_,
+            {.blocks = static_cast<int>(size), .threads = kHullThreads, .shared_bytes = bytes},
+            kernel, job);
       };
       if (with_stiffness) {
         launch(&measure_scene<kMaxViews, Curvature>, sizeof(SceneScratch<kMaxViews, Curvature>));
@@ -183,8 +189,8 @@ class BodyBatchCuda final : public BodyBatchQuery {
                    "standard deviations are computed on a CPU: make the query with Backend::cpu, "
                    "or leave out volume_std, force_std and torque_std"};
     }
-    return scenes_->measure(
-        {.X_WT = X_WT, .has_one_body_each = true, .body_of_pose = body_of_pose}, answers, nullptr);
+    return scenes_->measure({.X_WT = X_WT, .has_one_body_each = true, .body_of_pose = body_of_pose},
+                            answers, nullptr);
   }
 
  private:

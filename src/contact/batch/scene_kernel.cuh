@@ -1,6 +1,6 @@
 // The kernel of a batch in a scene: a block measures a pose, first against the hull of all cameras,
-// then against body after body. It adds up in a fixed order, so that a pose has the same bits in any
-// batch.
+// then against body after body. It adds up in a fixed order, so that a pose has the same bits in
+// any batch.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +19,8 @@ struct SceneTool {
   Vec3d p_TC;
 };
 struct ScenePair {
-  SolidWay of_tool, of_shape;  // elements of either in the field of the other
-  PairWeights weights;         // a: the tool
+  SolidWay of_tool, of_shape;       // elements of either in the field of the other
+  PairWeights weights;              // a: the tool
   Vec3d tool_corner, shape_corner;  // of the boxes of fields
 };
 struct SceneBody {
@@ -50,9 +50,8 @@ namespace {
 
 // Sums of MeasureTerms, and of a stiffness behind them.
 template <class Sample>
-constexpr int kSceneSums = MeasureTerms::kNum + (std::is_same_v<Sample, Curvature>
-                                                     ? MeasureTerms::kNumStiffness
-                                                     : 0);
+constexpr int kSceneSums = MeasureTerms::kNum +
+                           (std::is_same_v<Sample, Curvature> ? MeasureTerms::kNumStiffness : 0);
 
 template <int kMaxViews, class Sample>
 struct SceneScratch {

@@ -35,9 +35,12 @@ inline void copy_answers(const BatchAnswers& answers, const BatchAnswers& staged
 
 /// Takes arrays for the answers of so many poses.
 inline BatchAnswers take_answers(gpu::Memory& memory, std::size_t num) {
-  return {memory.take<double>(num),      memory.take<double>(num),
-          memory.take<double>(3 * num),  memory.take<double>(3 * num),
-          memory.take<double>(36 * num), memory.take<std::uint32_t>(num),
+  return {memory.take<double>(num),
+          memory.take<double>(num),
+          memory.take<double>(3 * num),
+          memory.take<double>(3 * num),
+          memory.take<double>(36 * num),
+          memory.take<std::uint32_t>(num),
           memory.gpu()};
 }
 
@@ -58,7 +61,8 @@ struct StagedPoses {
     if (memory.status()) num = desired;
     return memory.status();
   }
-  /// Copies `size` values from number `first` on, and returns where they are; null if there are none.
+  /// Copies `size` values from number `first` on, and returns where they are; null if there are
+  /// none.
   template <class T>
   const T* given(gpu::Stream& stream, T* to, std::span<const T> from, std::size_t first,
                  std::size_t size) const {

@@ -115,9 +115,10 @@ Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query(
   }
   if (backend == Backend::cuda) {
     if (options.method != BodyMethod::field) {
-      return Error{Errc::unavailable,
-                   "batches against bodies by their spheres are measured on the CPU alone: make the "
-                   "query with Backend::cpu, or with BodyMethod::field"};
+      return Error{
+          Errc::unavailable,
+          "batches against bodies by their spheres are measured on the CPU alone: make the "
+          "query with Backend::cpu, or with BodyMethod::field"};
     }
 #if defined(PALPATE_CUDA)
     return make_body_batch_query_cuda(tool, bodies, options.gpu);

@@ -49,7 +49,7 @@ int solid_blocks(int gpu, int num_clusters) {
 class MeasuredWay {
  public:
   MeasuredWay(const ToolIndex& index, const SolidSampling& sampling, const SolidField& field,
-           double weight, int gpu)
+              double weight, int gpu)
       : is_used_(weight > 0),
         memory_(gpu),
         answers_(gpu, solid_blocks<SolidSlope>(gpu, num_clusters(index))),

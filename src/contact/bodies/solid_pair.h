@@ -32,7 +32,8 @@ PALPATE_HOSTDEV inline SolidFrame solid_frame(const Pose& X_WE, const Vec3d& cen
   return frame;
 }
 
-PALPATE_HOSTDEV inline Vec3d times(const Stiffness& k, int first_row, const Vec3d& shift, const Vec3d& turn) {
+PALPATE_HOSTDEV inline Vec3d times(const Stiffness& k, int first_row, const Vec3d& shift,
+                                   const Vec3d& turn) {
   Vec3d sum;
   for (int row = 0; row < 3; ++row) {
     const double(&m)[6] = k.m[first_row + row];
@@ -45,7 +46,8 @@ PALPATE_HOSTDEV inline Vec3d times(const Stiffness& k, int first_row, const Vec3
 /// Returns the stiffness of the wrench on the other body F, about C_F, by F's own pose, from that
 /// of the wrench on a body E, about its center C_E, by E's. Moving F is moving both, which turns
 /// all wrenches along, and E back. `d` is from C_F to C_E.
-PALPATE_HOSTDEV inline Stiffness of_other(const Stiffness& k, const VolumeWrench& on_e, const Vec3d& d) {
+PALPATE_HOSTDEV inline Stiffness of_other(const Stiffness& k, const VolumeWrench& on_e,
+                                          const Vec3d& d) {
   Stiffness other;
   for (int column = 0; column < 6; ++column) {
     Vec3d shift, turn;
@@ -64,7 +66,8 @@ PALPATE_HOSTDEV inline Stiffness of_other(const Stiffness& k, const VolumeWrench
 
 /// Returns the moments of the opposite forces about another point, from which F's center lies `d`
 /// away, given those of the force on body F about its own center.
-PALPATE_HOSTDEV inline VolumeMoments of_opposite(const VolumeMoments& f, const Vec3d& force, const Vec3d& d) {
+PALPATE_HOSTDEV inline VolumeMoments of_opposite(const VolumeMoments& f, const Vec3d& force,
+                                                 const Vec3d& d) {
   VolumeMoments other;
   const Vec3d n = normalized(force);
   Vec3d sum;  // of levers times volumes
@@ -79,7 +82,8 @@ PALPATE_HOSTDEV inline VolumeMoments of_opposite(const VolumeMoments& f, const V
   return other;
 }
 
-PALPATE_HOSTDEV inline Stiffness sum_of(const Stiffness& a, double weight_a, const Stiffness& b, double weight_b) {
+PALPATE_HOSTDEV inline Stiffness sum_of(const Stiffness& a, double weight_a, const Stiffness& b,
+                                        double weight_b) {
   Stiffness sum;
   for (int row = 0; row < 6; ++row) {
     for (int column = 0; column < 6; ++column) {
@@ -105,7 +109,8 @@ PALPATE_HOSTDEV inline void add_product(Stiffness& sum, double scale, const Volu
 /// e is the potential of single spheres: where both have little more, neither is preferred.
 class PairPotential {
  public:
-  PALPATE_HOSTDEV PairPotential(double of_a, double weight_a, double of_b, double weight_b, double e)
+  PALPATE_HOSTDEV PairPotential(double of_a, double weight_a, double of_b, double weight_b,
+                                double e)
       : value_(weight_a * of_a + weight_b * of_b), slope_a_(weight_a), slope_b_(weight_b) {
     if (weight_a == 0 || weight_b == 0) return;
     raised_a_ = of_a + e;
@@ -126,8 +131,8 @@ class PairPotential {
     return {slope_a_ * a.force + slope_b_ * b.force, slope_a_ * a.torque + slope_b_ * b.torque};
   }
   /// Derivative of the wrench, including that of the slopes.
-  PALPATE_HOSTDEV Stiffness stiffness(const Stiffness& k_a, const VolumeWrench& a, const Stiffness& k_b,
-                      const VolumeWrench& b) const {
+  PALPATE_HOSTDEV Stiffness stiffness(const Stiffness& k_a, const VolumeWrench& a,
+                                      const Stiffness& k_b, const VolumeWrench& b) const {
     Stiffness sum = sum_of(k_a, slope_a_, k_b, slope_b_);
     if (!(raised_ > 0)) return sum;
     add_product(sum, 7 * slope_a_ / raised_a_, a);
@@ -136,8 +141,8 @@ class PairPotential {
     return sum;
   }
   /// Moments of the force, weighted by its slopes; that of the volume by its weights.
-  PALPATE_HOSTDEV VolumeMoments moments(const VolumeMoments& a, double weight_a, const VolumeMoments& b,
-                        double weight_b) const {
+  PALPATE_HOSTDEV VolumeMoments moments(const VolumeMoments& a, double weight_a,
+                                        const VolumeMoments& b, double weight_b) const {
     VolumeMoments sum;
     for (int row = 0; row < 3; ++row) {
       for (int column = 0; column < 3; ++column) {

@@ -112,7 +112,8 @@ const Status& DepthHullCuda::status() const {
 }
 
 template <int kMaxViews, class Sample>
-bool DepthHullCuda::launch(const HullCameras& cameras, AnswerBox& answers, gpu::Stream& stream) noexcept {
+bool DepthHullCuda::launch(const HullCameras& cameras, AnswerBox& answers,
+                           gpu::Stream& stream) noexcept {
   const bool skips_clusters = tool_.elements.num_clusters > answers.num_blocks();
   gpu::launch(stream,
               {.blocks = answers.num_blocks(),

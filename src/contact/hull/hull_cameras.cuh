@@ -1,5 +1,5 @@
-// The cameras of a hull on a GPU, from those of a call: copies of fields that lie elsewhere, and the
-// arguments of kernels.
+// The cameras of a hull on a GPU, from those of a call: copies of fields that lie elsewhere, and
+// the arguments of kernels.
 #pragma once
 
 #include <algorithm>

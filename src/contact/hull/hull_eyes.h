@@ -93,15 +93,19 @@ bool sees_free(const HullCamera& camera, const MeasureJob& job, const Cluster& b
          (!camera.has_moved ||
           sees_free(job, camera.older.frame, 1, 1, ball, largest_radius, distance));
 }
-// True if some camera sees all elements in a ball to be free.
-bool is_seen_free(const HullJob& job, const Cluster& ball, float largest_radius) {
-  for (int k = 0; k < job.num_seeing; ++k) {
+// True if some camera sees all elements in a ball to be free. The one that did so last, `freed_by`,
+// is asked first.
+bool is_seen_free(const HullJob& job, const Cluster& ball, float largest_radius, int& freed_by) {
+  for (int i = 0; i < job.num_seeing; ++i) {
+    const int k = i == 0 ? freed_by : (i <= freed_by ? i - 1 : i);
     const HullCamera& camera = job.cameras[k];
+    if (!camera.may_see()) continue;
     float distance = largest_radius + free_margin(job.num_seeing, largest_radius);
     if (camera.has_in_front) distance += front_margin(largest_radius);
     if (sees_free(camera, camera.seen_free, ball, largest_radius, distance) &&
         (!camera.has_in_front ||
          sees_free(camera, camera.in_front, ball, largest_radius, distance))) {
+      freed_by = k;
       return true;
     }
   }

@@ -15,12 +15,13 @@ class Hull {
  public:
   using Space = InSpace<Sample>;
 
-  Hull(const HullJob& job, const Eye* eyes) : job_(job), eyes_(eyes) {}
+  /// `freed_by`: the camera that is asked first, as it has seen elements to be free last.
+  Hull(const HullJob& job, const Eye* eyes, int& freed_by)
+      : job_(job), eyes_(eyes), freed_by_(freed_by) {}
 
   // Announces the elements that are sampled next, and a ball that contains those with a value.
-  void aim_at(const Cluster& ball, float largest_radius,
-              const ElementRows MeasureJob::*elements = &MeasureJob::elements) {
-    elements_ = elements;
+  void aim_at(const Cluster& ball, float largest_radius, const ElementRows& rows) {
+    rows_ = rows;
     for (int k = 0; k < job_.num_cameras; ++k) {
       const HullCamera& camera = job_.cameras[k];
       answers_[k].queries_in_front =
@@ -31,12 +32,9 @@ class Hull {
 
   // Returns false if some camera sees that all elements of vector `number` of a cluster are free.
   bool evaluate(std::size_t slot, bool is_ball, int number) {
-    radius_ = load((job_.tool.*elements_).radius + slot);
-    extent_ = extent_of(radius_, is_ball, number);
-    if (!look(slot)) return false;
-    join_seen_free();
-    if (job_.has_memory) join_remembered(slot);
-    join_fields(slot);
+    start(slot, is_ball, number);
+    if (!look(slot, freed_by_) || !look_on(slot, freed_by_)) return false;
+    join(slot);
     return true;
   }
 
@@ -64,39 +62,55 @@ class Hull {
 
   JoinedViews<Space, VecF, VecI> joined;
 
- private:
+ protected:
   using Agreed = AgreedViews<Space, VecF, VecI>;
   using Least = LeastView<Space, VecF, VecI>;
 
-  // Takes the first sample of every camera, until all elements are free by one.
-  bool look(std::size_t slot) {
-    VecI is_free{};
+  // Begins with the elements of a vector.
+  void start(std::size_t slot, bool is_ball, int number) {
+    radius_ = load(rows_.radius + slot);
+    extent_ = extent_of(radius_, is_ball, number);
+    is_free_ = VecI{};
     shallowest_ = splat(-1e9f);
     is_between_ = false;
+  }
+  void join(std::size_t slot) {
+    join_seen_free();
+    if (job_.has_memory) join_remembered(slot);
+    join_fields(slot);
+  }
+
+  // Takes the first samples of the other cameras, until all elements are free by one.
+  bool look_on(std::size_t slot, int first) {
     for (const bool may_see : {true, false}) {
       for (int k = 0; k < job_.num_seeing; ++k) {
-        if (job_.cameras[k].may_see() != may_see) continue;
-        answers_[k].is_used = may_see || !cannot_decide(k, is_free);
-        if (answers_[k].is_used && !look(slot, k, is_free)) return false;
+        if (k == first || job_.cameras[k].may_see() != may_see) continue;
+        answers_[k].is_used = may_see || !cannot_decide(k);
+        if (answers_[k].is_used && !look(slot, k)) {
+          if (may_see) freed_by_ = k;
+          return false;
+        }
       }
     }
-    may_touch_ = ~is_free;
+    may_touch_ = ~is_free_;
     return true;
   }
 
   // True if the bound of a camera that does not see the tool is far below the other values.
-  bool cannot_decide(int k, VecI is_free) const {
+  bool cannot_decide(int k) const {
     // Wider pixels may make a deep element half as deep again.
     const VecF least = min(shallowest_, 1.5f * shallowest_) - 3.0f * agreement(radius_);
-    return mask_bits(~is_free & ~(least > splat(job_.cameras[k].at_most))) == 0;
+    return mask_bits(~is_free_ & ~(least > splat(job_.cameras[k].at_most))) == 0;
   }
 
   // Takes the first sample of one camera. False: now all elements are free.
-  bool look(std::size_t slot, int k, VecI& is_free) {
+  bool look(std::size_t slot, int k) {
     const Eye& eye = eyes_[k];
     const MeasureJob& seen = eye.camera->seen_free;
     EyeAnswer<Sample>& answer = answers_[k];
-    Lanes& e = answer.lanes[0] = aim(seen.*elements_, seen.frame, eye.seen_free.grid, slot);
+    answer.is_used = true;
+    is_between_ |= eye.num_fields > 1;
+    Lanes& e = answer.lanes[0] = aim(rows_, seen.frame, eye.seen_free.grid, slot);
     answer.before[0] = e.lz + (seen.frame.p_WC[2] - kMinDepth);
     Look look = look_of(eye.seen_free.grid, e, e.radius);
     VecF phi[2];
@@ -104,7 +118,7 @@ class Hull {
       const int seat = eye.seat(f);
       if (seat > 0) {
         const MeasureJob& older = eye.camera->older;
-        answer.lanes[1] = aim(older.*elements_, older.frame, eye.seen_free.grid, slot);
+        answer.lanes[1] = aim(rows_, older.frame, eye.seen_free.grid, slot);
         answer.before[1] = answer.lanes[1].lz + (older.frame.p_WC[2] - kMinDepth);
         look = look_of(eye.seen_free.grid, answer.lanes[1], e.radius);
       }
@@ -123,7 +137,6 @@ class Hull {
         phi[f] = min(phi[f], answer.before[seat]);
       }
     }
-    is_between_ |= eye.num_fields > 1;
     VecF now = phi[0];
     if (eye.num_fields > 1) {
       now = phi[1] + splat(eye.camera->progress) * (phi[0] - phi[1]);
@@ -133,8 +146,8 @@ class Hull {
     // Rounding lowers the lesser of two by no more than this.
     VecF limit = extent_ + free_margin(job_.num_seeing, e.radius);
     if (answer.queries_in_front) limit += front_margin(e.radius);
-    is_free |= now > limit;
-    return mask_bits(~is_free) != 0;
+    is_free_ |= now > limit;
+    return mask_bits(~is_free_) != 0;
   }
 
   // Joins the seen-free space of the cameras: the maximum. Only the camera with the smallest depth
@@ -273,7 +286,7 @@ class Hull {
   void take_seats(const Eye& eye, std::size_t slot, EyeAnswer<Sample>& answer) const {
     for (int seat = 0; seat <= eye.seat(eye.num_fields - 1); ++seat) {
       const MeasureJob& job = seat == 0 ? eye.camera->field : eye.camera->older;
-      answer.lanes[seat] = aim(job.*elements_, job.frame, eye.field.grid, slot);
+      answer.lanes[seat] = aim(rows_, job.frame, eye.field.grid, slot);
       answer.before[seat] = answer.lanes[seat].lz + (job.frame.p_WC[2] - kMinDepth);
     }
   }
@@ -298,10 +311,11 @@ class Hull {
 
   const HullJob& job_;
   const Eye* eyes_;
-  const ElementRows MeasureJob::*elements_ = &MeasureJob::elements;
+  int& freed_by_;
+  ElementRows rows_;
   EyeAnswer<Sample> answers_[kMaxCameras];
   VecF shallowest_, radius_, extent_;
-  VecI may_touch_;
+  VecI is_free_, may_touch_;
   bool is_between_ = false;
 };
 

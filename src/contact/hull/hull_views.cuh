@@ -90,9 +90,8 @@ __device__ InSpace<Sample> between(const HullEye& eye, const FieldFrame (&frames
     if (is_closed && eye.has_moved) here = before_eye(eye.R_WC[seat], here, before, ball.radius);
     now = f == 0 ? here : interpolated(here, now, eye.progress);
   }
-  return is_closed && !eye.has_moved
-             ? before_eye(eye.R_WC[0], now, p[2] - kMinDepth, ball.radius)
-             : now;
+  return is_closed && !eye.has_moved ? before_eye(eye.R_WC[0], now, p[2] - kMinDepth, ball.radius)
+                                     : now;
 }
 
 // A view is one field of one camera. First the seen-free space of each camera, then the fields; for

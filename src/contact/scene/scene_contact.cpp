@@ -132,8 +132,8 @@ ContactResult SceneContact::Impl::measure(std::size_t thread, const Scene& scene
   if (result.penetration.status.is_unmeasured()) return result;
   const Pose X{X_WT.translation, normalized(X_WT.rotation)};
   for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
-    const BodyPenetration with = pairs.of_body(b)[thread][tool]->measure(
-        X, scene.bodies[b].placed().X_WB, wants.stiffness);
+    const BodyPenetration with =
+        pairs.of_body(b)[thread][tool]->measure(X, scene.bodies[b].placed().X_WB, wants.stiffness);
     add(with.on_a, with.stiffness_a, result);
   }
   return result;
