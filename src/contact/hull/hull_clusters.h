@@ -18,7 +18,6 @@ class ClusterHull : public Hull<Sample> {
   using Base::is_between_;
   using Base::is_free_;
   using Base::join;
-  using Base::joined;
   using Base::look;
   using Base::look_on;
   using Base::nowhere;
@@ -29,6 +28,7 @@ class ClusterHull : public Hull<Sample> {
 
  public:
   using Base::Base;
+  using Base::joined;
 
   // Evaluates the elements of a cluster that are no parts of a ball, and calls f(number) for each
   // vector of them unless some camera sees that all are free. Those that the first camera does not
