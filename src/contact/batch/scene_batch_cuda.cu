@@ -47,7 +47,7 @@ class SceneBatchCuda final : public SceneBatch {
     surfaces_.assign(surfaces.begin(), surfaces.end());
     blends_.clear();
     for (const SurfaceView& surface : surfaces_) blends_.push_back({surface, surface, 1});
-    if (!blends_.empty()) (void)cameras_.take(blends_, {}, {}, 0, stream_);
+    (void)cameras_.take(blends_, {}, {}, 0, stream_);
     const Status status = shapes_.take(
         bodies.size(), [&](std::size_t b) -> const auto& { return bodies[b].shape; },
         [this](const auto& shape) { return pairs_of(shape); });
