@@ -62,7 +62,7 @@ class Hull {
 
   JoinedViews<Space, VecF, VecI> joined;
 
- protected:
+ private:
   using Agreed = AgreedViews<Space, VecF, VecI>;
   using Least = LeastView<Space, VecF, VecI>;
 

@@ -1,6 +1,6 @@
 // Elements against the depth hull of several cameras, compiled once per instruction set.
 // hull_eyes.h has the samples of one camera, hull_joins.h the order in which they are joined,
-// hull_clusters.h the vectors of a cluster, hull_rules.h the formulas.
+// hull_rules.h the formulas.
 //
 // Words of the hull, in all its files. The *moments* of a camera are the one or two frames that it
 // is blended from: 0 is the newer one, 1 the older one, and `moments[f]` is a value at moment f. A
@@ -28,7 +28,7 @@
 #include "src/contact/field/ball_totals.h"
 #include "src/contact/field/whole_totals.h"
 #include "src/contact/hull/depth_hull.h"
-#include "src/contact/hull/hull_clusters.h"
+#include "src/contact/hull/hull_joins.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {
@@ -38,15 +38,11 @@ namespace {
 /// `requested`, and end(cluster) after the vectors of a cluster if it was called for any of them.
 template <class Sample, class Begin, class F, class End>
 [[gnu::always_inline]] inline void for_each_touching(const HullJob& job, int group,
-                                                     bool needs_places, std::uint32_t& requested,
-                                                     const Begin& begin, const F& f,
-                                                     const End& end) {
+                                                     std::uint32_t& requested, const Begin& begin,
+                                                     const F& f, const End& end) {
   const HullCamera *const cameras = job.cameras, *const seeing_end = cameras + job.num_seeing;
-  const auto may_see = [](const HullCamera& camera) { return camera.may_see(); };
-  // Cameras that look away are asked or not by what their neighbors in a vector need.
-  const bool may_pack =
-      job.num_seeing > 1 && !needs_places && std::all_of(cameras, seeing_end, may_see);
-  const auto first_seeing = std::find_if(cameras, seeing_end, may_see);
+  const auto first_seeing =
+      std::find_if(cameras, seeing_end, [](const HullCamera& camera) { return camera.may_see(); });
   int freed_by = first_seeing == seeing_end ? 0 : static_cast<int>(first_seeing - cameras);
   const SphereClusters& clusters = *job.tool.clusters;
   const int first = group * SphereClusters::kClustersPerGroup;
@@ -58,27 +54,21 @@ template <class Sample, class Begin, class F, class End>
   alignas(Eye) std::byte memory[kMaxCameras * sizeof(Eye)];
   Eye* const eyes = reinterpret_cast<Eye*>(memory);
   for (int k = 0; k < job.num_cameras; ++k) new (eyes + k) Eye(job.cameras[k]);
-  ClusterHull<Sample> hull(job, eyes, freed_by);
+  Hull<Sample> hull(job, eyes, freed_by);
   begin(hull, eyes[0].field.grid);
   for (int cluster = first; cluster < last; ++cluster) {
     if ((requested >> (cluster - first) & 1) == 0) continue;
     const Cluster& around = clusters.clusters[static_cast<std::size_t>(cluster)];
     if (is_seen_free(job, around, job.tool.largest_radius[cluster], freed_by)) continue;
     hull.aim_at(around, job.tool.largest_radius[cluster], job.tool.elements);
-    const std::size_t first_slot = static_cast<std::size_t>(cluster) * kSize;
+    const bool is_ball = cluster >= job.tool.first_ball;
     bool is_touching = false;
-    const auto take = [&](int i) {
-      const std::size_t slot = first_slot + static_cast<std::size_t>(i * kLanes);
+    for (int i = 0; i < kNumVectors; ++i) {
+      const auto slot = static_cast<std::size_t>(cluster * kSize + i * kLanes);
+      if (!hull.evaluate(slot, is_ball, i)) continue;
       f(slot, aim(job.tool.elements, job.tool.frame, eyes[0].field.grid, slot), hull,
         i % RowSums::kParts);
       is_touching = true;
-    };
-    if (cluster < job.tool.first_ball) {
-      hull.evaluate_cluster(first_slot, may_pack, take);
-    } else {
-      for (int i = 0; i < kNumVectors; ++i) {
-        if (hull.evaluate(first_slot + static_cast<std::size_t>(i * kLanes), true, i)) take(i);
-      }
     }
     if (is_touching) end(cluster);
   }
@@ -95,15 +85,13 @@ template <class Sample>
   BallSamples parts;  // of the current ball in parts
   std::uint32_t known = 0, requested = (1u << kNumClusters) - 1;
   const int first = group * kNumClusters;
-  const auto field_at = [](const ClusterHull<Sample>& at) {
+  const auto field_at = [](const Hull<Sample>& at) {
     return SpaceCurvature<VecF>{first_of(at.joined.hull), second_of(at.joined.hull)};
   };
-  const auto place_of = [&](ClusterHull<Sample>& at) {
-    return noise.wants() ? at.place() : NoisePlace{};
-  };
+  const auto place_of = [&](Hull<Sample>& at) { return noise.wants() ? at.place() : NoisePlace{}; };
   for_each_touching<Sample>(
-      job, group, noise.wants(), requested,
-      [&](ClusterHull<Sample>& at, const Grid& grid) {
+      job, group, requested,
+      [&](Hull<Sample>& at, const Grid& grid) {
         const float* const radii = job.tool.wholes.radius + first;
         at.aim_at(job.tool.clusters->groups[static_cast<std::size_t>(group)],
                   *std::max_element(radii, radii + kNumClusters), job.tool.wholes);
@@ -125,7 +113,7 @@ template <class Sample>
           if (wholes.share(number) >= 1) requested &= ~(1u << number);
         }
       },
-      [&](std::size_t slot, const Lanes& e, ClusterHull<Sample>& at, int part) {
+      [&](std::size_t slot, const Lanes& e, Hull<Sample>& at, int part) {
         const int cluster = static_cast<int>(slot / kSize);
         const float share = wholes.share(cluster - first);
         const SpaceCurvature<VecF> field = field_at(at);
@@ -191,8 +179,8 @@ void measure_hull_group(const HullJob& job, int group, bool with_stiffness, Grou
 void describe_hull_group(const HullJob& job, int group, const SphereCuts& to) {
   std::uint32_t requested = (1u << kNumClusters) - 1;
   for_each_touching<Gradient>(
-      job, group, false, requested, [](ClusterHull<Gradient>&, const Grid&) {},
-      [&](std::size_t slot, const Lanes& e, ClusterHull<Gradient>& at, int) {
+      job, group, requested, [](Hull<Gradient>&, const Grid&) {},
+      [&](std::size_t slot, const Lanes& e, Hull<Gradient>& at, int) {
         const SpaceGradient<VecF>& g = at.joined.hull;
         const VecI nobody = at.joined.decider < VecI{};
         VecI number{};
