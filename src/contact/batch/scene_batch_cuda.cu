@@ -12,7 +12,7 @@
 namespace palpate { inline namespace v0 {
 namespace {
 
-constexpr std::size_t kMostAtOnce = 1 << 15;  // poses on the GPU
+constexpr std::size_t kMaxAtOnce = 1 << 15;  // poses on the GPU
 
 // A shape with each tool.
 struct PairsOnGpu {
@@ -108,7 +108,7 @@ class SceneBatchCuda final : public SceneBatch {
   template <int kMaxViews>
   Status measure(const SceneBatchPoses& poses, const BatchAnswers& answers, double* unseen) {
     const std::size_t num = poses.X_WT.size();
-    if (const Status status = staged_.grow(std::min(num, kMostAtOnce)); !status) return status;
+    if (const Status status = staged_.grow(std::min(num, kMaxAtOnce)); !status) return status;
     SceneJob<kMaxViews> job;
     job.query = cameras_.query<kMaxViews>();
     for (int k = 0; k < job.query.num_cameras; ++k) {
@@ -121,8 +121,8 @@ class SceneBatchCuda final : public SceneBatch {
     job.num_bodies = num_bodies_;
     job.has_one_body_each = poses.has_one_body_each;
     const bool with_stiffness = answers.stiffness != nullptr;
-    for (std::size_t first = 0; first < num; first += kMostAtOnce) {
-      const std::size_t size = std::min(kMostAtOnce, num - first);
+    for (std::size_t first = 0; first < num; first += kMaxAtOnce) {
+      const std::size_t size = std::min(kMaxAtOnce, num - first);
       job.first_pose = static_cast<std::int32_t>(first);
       job.X_WT = staged_.given(stream_, staged_.X_WT, poses.X_WT, first, size);
       job.tool_of_pose = staged_.given(stream_, staged_.tool, poses.tool_of_pose, first, size);

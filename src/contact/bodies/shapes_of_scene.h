@@ -1,4 +1,4 @@
-// What is made for each shape of a scene's bodies: kept as long as the next scene has the shape,
+// Data made for each shape of the bodies of a scene: kept as long as the next scene has the shape,
 // too, and dropped with it.
 #pragma once
 

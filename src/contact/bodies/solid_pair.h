@@ -163,7 +163,7 @@ class PairPotential {
   double raised_ = 0, raised_a_ = 0, raised_b_ = 0;  // with e; 0: only one direction is sampled
 };
 
-/// What a pair's results depend on but its poses: weights of the two directions, and the potential
+/// Constants of a pair, whatever its poses: weights of the two directions, and the potential
 /// of about one sphere in a light touch, m4.
 struct PairWeights {
   double a = 0, b = 0, single_potential = 0;
