@@ -7,6 +7,7 @@
 
 #include "src/contact/batch/batch_kernel.cuh"
 #include "src/contact/batch/field_batch.h"
+#include "src/contact/batch/staged_answers.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -107,13 +108,7 @@ Status FieldBatchCuda::grow_staged(int num_poses) const {
     gpu::Memory& memory = made.memory.emplace(gpu_);
     made.X_WT = memory.take<Pose>(size);
     made.surface = memory.take<std::int32_t>(size);
-    made.answers = {memory.take<double>(size),
-                    memory.take<double>(size),
-                    memory.take<double>(3 * size),
-                    memory.take<double>(3 * size),
-                    memory.take<double>(36 * size),
-                    memory.take<std::uint32_t>(size),
-                    gpu_};
+    made.answers = take_answers(memory, size);
     if (memory.status()) {
       staged_ = std::move(made);
       return Done{};
@@ -210,26 +205,14 @@ void FieldBatchCuda::measure_part(const PoseBatch& poses, const BatchAnswers& an
       job.surface_of_pose = staged_.surface;
     }
   }
-  // Calls f(array of the caller, staged array, values a pose, array of the job).
-  BatchAnswers& out = job.out;
-  const auto for_answers = [&](const auto& f) {
-    f(answers.volume, staged_.answers.volume, 1u, out.volume);
-    f(answers.potential, staged_.answers.potential, 1u, out.potential);
-    f(answers.force, staged_.answers.force, 3u, out.force);
-    f(answers.torque, staged_.answers.torque, 3u, out.torque);
-    f(answers.stiffness, staged_.answers.stiffness, 36u, out.stiffness);
-    f(answers.status, staged_.answers.status, 1u, out.status);
-  };
   const bool is_staged = answers.gpu != gpu_;
-  for_answers([&](auto* requested, auto* staged, std::size_t each, auto*& to) {
-    to = requested == nullptr ? nullptr : (is_staged ? staged : requested + each * begin);
-  });
+  for_answers(answers, staged_.answers, job.out,
+              [&](auto* requested, auto* staged, std::size_t each, auto*& to) {
+                to = requested == nullptr ? nullptr
+                                          : (is_staged ? staged : requested + each * begin);
+              });
   launch(job, num, stream);
-  if (!is_staged) return;
-  for_answers([&](auto* requested, auto* staged, std::size_t each, auto*&) {
-    if (requested != nullptr)
-      stream.copy(requested + each * begin, staged, each * size * sizeof *requested);
-  });
+  if (is_staged) copy_answers(answers, staged_.answers, begin, size, stream);
 }
 
 Status FieldBatchCuda::measure(const SurfaceBatch& surfaces, const PoseBatch& poses,

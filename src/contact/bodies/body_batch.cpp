@@ -7,6 +7,8 @@
 #include "palpate/contact/body_contact.h"
 #include "src/contact/batch/batch_pose.h"
 #include "src/contact/batch/field_batch.h"
+#include "src/contact/batch/scene_batch.h"
+#include "src/contact/hull/camera_seats.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -28,15 +30,7 @@ class BodyBatch final : public BodyBatchQuery {
   Status measure(std::span<const Pose> X_WT, std::span<const std::int32_t> body_of_pose,
                  const BatchAnswers& answers) const override {
     const std::size_t num = X_WT.size(), num_bodies = X_WB_.size();
-    if (body_of_pose.empty() && num > 0 && num_bodies != 1 && num_bodies != num) {
-      return refused("a batch of " + std::to_string(num) + " poses was given " +
-                     std::to_string(num_bodies) +
-                     " bodies; say in body_of_pose which one each is measured against");
-    }
-    if (!body_of_pose.empty() && body_of_pose.size() != num) {
-      return refused("a batch of " + std::to_string(num) + " poses was given body_of_pose of " +
-                     std::to_string(body_of_pose.size()) + "; give one number for each pose");
-    }
+    if (const Status s = check_body_batch(num, body_of_pose.size(), num_bodies); !s) return s;
     if (answers.gpu != kHostMemory) {
       return refused("an array for answers in the memory of GPU " + std::to_string(answers.gpu) +
                      " was given to a batch against bodies, which is measured on the CPU; take "
@@ -77,14 +71,35 @@ class BodyBatch final : public BodyBatchQuery {
 
 }  // namespace
 
+Status check_body_batch(std::size_t num_poses, std::size_t num_numbers, std::size_t num_bodies) {
+  if (num_numbers == 0 && num_poses > 0 && num_bodies != 1 && num_bodies != num_poses) {
+    return refused("a batch of " + std::to_string(num_poses) + " poses was given " +
+                   std::to_string(num_bodies) +
+                   " bodies; say in body_of_pose which one each is measured against");
+  }
+  if (num_numbers != 0 && num_numbers != num_poses) {
+    return refused("a batch of " + std::to_string(num_poses) + " poses was given body_of_pose of " +
+                   std::to_string(num_numbers) + "; give one number for each pose");
+  }
+  return Done{};
+}
+
+bool is_for_batch(std::span<const SurfaceView> surfaces) {
+  const bool is_lone = surfaces.size() == 1;
+  bool is_seeing = surfaces.empty();
+  for (const SurfaceView& surface : surfaces) {
+    const DepthFieldView& field = surface.field;
+    if (field.num_levels == 0) continue;
+    if (!has_fields_of_role(surface) || !has_fields(surface, is_lone)) return false;
+    if (!field.requested.has_all(field.levels[0].width, field.levels[0].height)) return false;
+    is_seeing |= is_seen(surface, is_lone);
+  }
+  return is_seeing;
+}
+
 Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query(
     Backend backend, const std::shared_ptr<const ToolIndex>& tool,
     const std::vector<PlacedBody>& bodies, const BodyPairOptions& options, ThreadPool* pool) {
-  if (backend != Backend::cpu) {
-    return Error{Errc::unavailable,
-                 "batches against bodies are measured on the CPU alone: make the query with "
-                 "Backend::cpu, or measure pair by pair with make_body_pair_query"};
-  }
   if (bodies.empty()) return refused("a batch was given no body; give one or more");
   std::vector<std::shared_ptr<const ToolIndex>> shapes;
   std::vector<std::size_t> shape_of_body;
@@ -97,6 +112,19 @@ Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query(
     shape_of_body.push_back(static_cast<std::size_t>(found - shapes.begin()));
     if (found == shapes.end()) shapes.push_back(body.shape);
     X_WB.push_back(body.X_WB);
+  }
+  if (backend == Backend::cuda) {
+    if (options.method != BodyMethod::field) {
+      return Error{
+          Errc::unavailable,
+          "batches against bodies by their spheres are measured on the CPU alone: make the "
+          "query with Backend::cpu, or with BodyMethod::field"};
+    }
+#if defined(PALPATE_CUDA)
+    return make_body_batch_query_cuda(tool, bodies, options.gpu);
+#else
+    return find_gpus().error();
+#endif
   }
   std::vector<std::vector<std::unique_ptr<BodyPairQuery>>> pairs(
       static_cast<std::size_t>(pool != nullptr ? pool->num_threads() : 1));

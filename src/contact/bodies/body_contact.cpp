@@ -90,11 +90,6 @@ double lens_potential(double a, double b, double distance) {
 BodyContact::BodyContact(const Tool& a, const Tool& b)
     : a_(&a), b_(&b), touched_a_(a.spheres().size()), touched_b_(b.spheres().size()) {}
 
-Pose relative_pose(const Pose& X_WA, const Pose& X_WB) {
-  return inverse(Pose{X_WA.translation, normalized(X_WA.rotation)}) *
-         Pose{X_WB.translation, normalized(X_WB.rotation)};
-}
-
 bool is_non_finite(const Pose& X_WA, const Pose& X_WB, BodyPenetration& result) {
   if (!is_finite(X_WA)) result.on_a.status = StepStatus::non_finite_pose;
   if (!is_finite(X_WB)) result.on_b.status = StepStatus::non_finite_pose;

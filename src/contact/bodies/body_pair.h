@@ -46,7 +46,10 @@ struct BodySums {
 };
 
 /// Returns X_AB from the poses of both in W.
-Pose relative_pose(const Pose& X_WA, const Pose& X_WB);
+PALPATE_HOSTDEV inline Pose relative_pose(const Pose& X_WA, const Pose& X_WB) {
+  return inverse(Pose{X_WA.translation, normalized(X_WA.rotation)}) *
+         Pose{X_WB.translation, normalized(X_WB.rotation)};
+}
 
 /// Computes the wrenches on the bodies.
 BodyPenetration body_penetration(const BodySums& sums, const Tool& a, const Tool& b,

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "palpate/contact/body_contact.h"
-#include "src/contact/bodies/solid_sample.h"
+#include "src/contact/bodies/solid_pair.h"
 #include "src/contact/field/field_contact.h"
 
 namespace palpate { inline namespace v0 {
@@ -59,8 +59,7 @@ struct SolidPair {
   const FieldElements *elements_a, *elements_b;
   const SolidField *field_a, *field_b;
   SolidSampling sampling_a, sampling_b;  ///< A's elements B's field; B's elements A's field
-  double weight_a = 0, weight_b = 0;
-  double single_potential = 0;  ///< m4: potential of about one sphere in a light touch
+  PairWeights weights;
 };
 
 /// Pairs of bodies by distance fields, on the CPU.

@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "src/contact/bodies/shapes_of_scene.h"
 #include "src/contact/clearance/clearance_batch.h"
 #include "src/contact/clearance/nearest_sphere.h"
 #include "src/contact/cuda/gpu_field.h"
@@ -211,7 +212,7 @@ class ImageOnGpu {
 class ClearanceBatchCuda final : public ClearanceBatch {
  public:
   ClearanceBatchCuda(std::span<const std::shared_ptr<const ToolIndex>> tools, int gpu)
-      : gpu_(gpu), memory_(gpu), stream_(gpu, gpu::Priority::low), fields_(gpu) {
+      : gpu_(gpu), memory_(gpu), stream_(gpu, gpu::Priority::low) {
     std::vector<ToolOnGpu> made;
     for (const auto& index : tools) {
       const SphereClusters& from = parts_of(*index).clusters();
@@ -279,22 +280,21 @@ class ClearanceBatchCuda final : public ClearanceBatch {
 
  private:
   Status take_bodies(std::span<const Body> bodies) {
-    question_.num_bodies = static_cast<std::int32_t>(bodies.size());
+    const Status status = shapes_.take(
+        bodies.size(), [&](std::size_t b) -> const auto& { return bodies[b].placed().shape; },
+        [this](const auto& shape) -> Result<FieldOnGpu> {
+          FieldOnGpu made{gpu::Memory(gpu_)};
+          made.values = made.memory->copy_of(parts_of(*shape).solid_field().values());
+          if (!made.memory->status()) return made.memory->status().error();
+          return made;
+        });
+    question_.num_bodies = 0;
+    if (!status) return status;
     if (bodies.empty()) return Done{};
     std::vector<SearchedBody> desired;
-    for (const Body& body : bodies) {
-      desired.push_back(searched_body(body));
-      const auto& shape = body.placed().shape;
-      const auto found = std::find(shapes_.begin(), shapes_.end(), shape);
-      if (found == shapes_.end()) {
-        const float* const values = fields_.copy_of(parts_of(*shape).solid_field().values());
-        if (!fields_.status()) return fields_.status();
-        values_.push_back(values);
-        shapes_.push_back(shape);
-        desired.back().field.values = values_.back();
-      } else {
-        desired.back().field.values = values_[static_cast<std::size_t>(found - shapes_.begin())];
-      }
+    for (std::size_t b = 0; b < bodies.size(); ++b) {
+      desired.push_back(searched_body(bodies[b]));
+      desired.back().field.values = shapes_.of_body(b).values;
     }
     if (desired.size() > num_bodies_) {
       gpu::Memory memory(gpu_);
@@ -306,6 +306,7 @@ class ClearanceBatchCuda final : public ClearanceBatch {
     bodies_there_ = std::move(desired);
     stream_.copy(bodies_on_gpu_, bodies_there_.data(), bodies_there_.size() * sizeof(SearchedBody));
     question_.bodies = bodies_on_gpu_;
+    question_.num_bodies = static_cast<std::int32_t>(bodies.size());
     return Done{};
   }
 
@@ -341,12 +342,16 @@ class ClearanceBatchCuda final : public ClearanceBatch {
     return stream_.status();
   }
 
+  // The distance field of a shape.
+  struct FieldOnGpu {
+    std::optional<gpu::Memory> memory;
+    const float* values = nullptr;
+  };
+
   int gpu_;
   gpu::Memory memory_;
   gpu::Stream stream_;
-  gpu::Memory fields_;  // of bodies
-  std::vector<std::shared_ptr<const ToolIndex>> shapes_;
-  std::vector<const float*> values_;  // of each shape
+  ShapesOfScene<FieldOnGpu> shapes_;
   std::optional<gpu::Memory> bodies_;
   std::size_t num_bodies_ = 0;  // there is room for
   SearchedBody* bodies_on_gpu_ = nullptr;

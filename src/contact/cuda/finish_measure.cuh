@@ -57,8 +57,8 @@ __device__ inline double sum_of_every(const double* values, unsigned first, unsi
   return sum;
 }
 
-/// Returns the sums of this warp: value k in lanes 2 k and 2 k + 1.
-__device__ inline double measure_of_warp(const MeasureTerms& mine) {
+/// Writes the sums of this warp.
+__device__ inline void put_terms(const MeasureTerms& mine, double* terms) {
   double values[MeasureTerms::kNum] = {mine.volume,
                                        mine.potential,
                                        mine.force[0],
@@ -76,7 +76,17 @@ __device__ inline double measure_of_warp(const MeasureTerms& mine) {
                                        0,
                                        0};
   fold_over_warp<MeasureTerms::kNum / 2, 2>(values);
-  return values[0] + __shfl_xor_sync(gpu::kWholeWarp, values[0], 1);
+  const double of_warp = values[0] + __shfl_xor_sync(gpu::kWholeWarp, values[0], 1);
+  if (gpu::lane_id() % 2 == 0) terms[gpu::lane_id() / 2] = of_warp;
+}
+/// Writes those of a stiffness behind them.
+__device__ inline void put_terms(const float (&stiffness)[StiffnessSums::kNum], double* terms) {
+  static_assert(MeasureTerms::kNumStiffness == gpu::kWarpSize);
+  double values[MeasureTerms::kNumStiffness] = {};
+#pragma unroll
+  for (int k = 0; k < StiffnessSums::kNum; ++k) values[k] = stiffness[k];
+  fold_over_warp<MeasureTerms::kNumStiffness / 2, 1>(values);
+  terms[MeasureTerms::kNum + gpu::lane_id()] = values[0];
 }
 
 /// Writes two halves of a number, each with the number of the query above it.
@@ -117,9 +127,7 @@ __device__ inline void finish_sums(const MeasureOutput& out, FinishScratchOf<kNu
 /// the last block is done. `shared` is for this alone.
 __device__ inline void finish_measure(const MeasureOutput& out, const MeasureTerms& mine,
                                       FinishScratch& shared) {
-  const int lane = gpu::lane_id();
-  const double of_warp = measure_of_warp(mine);
-  if (lane % 2 == 0) shared.terms[gpu::warp_id() * MeasureTerms::kNum + lane / 2] = of_warp;
+  put_terms(mine, shared.terms + gpu::warp_id() * MeasureTerms::kNum);
   finish_sums(out, shared);
 }
 
@@ -127,17 +135,9 @@ __device__ inline void finish_measure(const MeasureOutput& out, const MeasureTer
 __device__ inline void finish_measure(const MeasureOutput& out, const MeasureTerms& mine,
                                       const float (&stiffness)[StiffnessSums::kNum],
                                       FinishStiffnessScratch& shared) {
-  constexpr int kNum = MeasureTerms::kNum + MeasureTerms::kNumStiffness;
-  static_assert(MeasureTerms::kNumStiffness == gpu::kWarpSize);
-  const int lane = gpu::lane_id();
-  double* const terms = shared.terms + gpu::warp_id() * kNum;
-  const double of_warp = measure_of_warp(mine);
-  if (lane % 2 == 0) terms[lane / 2] = of_warp;
-  double values[MeasureTerms::kNumStiffness] = {};
-#pragma unroll
-  for (int k = 0; k < StiffnessSums::kNum; ++k) values[k] = stiffness[k];
-  fold_over_warp<MeasureTerms::kNumStiffness / 2, 1>(values);
-  terms[MeasureTerms::kNum + lane] = values[0];
+  double* const terms = shared.terms + gpu::warp_id() * AnswerBox::kMaxNumbers;
+  put_terms(mine, terms);
+  put_terms(stiffness, terms);
   finish_sums(out, shared);
 }
 

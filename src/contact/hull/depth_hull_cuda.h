@@ -1,15 +1,16 @@
 // The field method against several cameras at once, on a GPU: one launch.
 #pragma once
 
+#include <memory>
 #include <span>
-#include <vector>
 
-#include "src/contact/cuda/gpu_field.h"
 #include "src/contact/cuda/query_answer.h"
 #include "src/contact/field/field_tool_cuda.h"
 #include "src/gpu/internal/runtime.h"
 
 namespace palpate { inline namespace v0 {
+
+class HullCameras;
 
 /// Destination of a description on the GPU, a slot for each sphere of the tool.
 struct SphereCutsOnGpu {
@@ -24,6 +25,7 @@ struct SphereCutsOnGpu {
 class DepthHullCuda {
  public:
   DepthHullCuda(const FieldTool& tool, const Vec3d& p_TC, int num_spheres, int gpu);
+  ~DepthHullCuda();
 
   /// See ContactQuery::measure; the pose is finite, with a unit quaternion.
   ContactResult measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
@@ -34,23 +36,17 @@ class DepthHullCuda {
   const Status& status() const;
 
  private:
-  struct Views;
-
-  ContactStatus take(std::span<const SurfaceBlend> cameras, const Pose& X_WT, gpu::Stream& stream,
-                     Views& views) noexcept;
-  ContactStatus take(const SurfaceBlend& view, const Pose& X_WT, int number, gpu::Stream& stream,
-                     Views& views) noexcept;
   template <int kMaxViews, class Sample>
-  bool launch(const Views& views, AnswerBox& answers, gpu::Stream& stream) noexcept;
+  bool launch(const HullCameras& cameras, AnswerBox& answers, gpu::Stream& stream) noexcept;
   template <int kMaxViews>
-  void describe(const Views& views, const ContactWants& wants, const SphereCutsOnGpu& cuts,
+  void describe(const HullCameras& cameras, const ContactWants& wants, const SphereCutsOnGpu& cuts,
                 gpu::Stream& stream) noexcept;
 
   FieldTool tool_;
   Vec3d p_TC_;  // center of mass
   int num_spheres_;
   // Scratch.
-  std::vector<GpuFields> copies_;  // four per camera, in the order of SurfaceView
+  std::unique_ptr<HullCameras> cameras_;
   AnswerBox answers_, stiffness_answers_;
 };
 

@@ -15,21 +15,6 @@ template <class Sample>
 using InSpace = std::conditional_t<std::is_same_v<Sample, Curvature>, SpaceCurvature<VecF>,
                                    SpaceGradient<VecF>>;
 
-[[gnu::always_inline]] inline SpaceGradient<VecF> chosen(VecI condition,
-                                                         const SpaceGradient<VecF>& a,
-                                                         const SpaceGradient<VecF>& b) {
-  return {select(condition, a.phi, b.phi), select(condition, a.x, b.x), select(condition, a.y, b.y),
-          select(condition, a.z, b.z)};
-}
-[[gnu::always_inline]] inline SpaceCurvature<VecF> chosen(VecI condition,
-                                                          const SpaceCurvature<VecF>& a,
-                                                          const SpaceCurvature<VecF>& b) {
-  return {chosen(condition, a.first, b.first),
-          {select(condition, a.h.xx, b.h.xx), select(condition, a.h.xy, b.h.xy),
-           select(condition, a.h.xz, b.h.xz), select(condition, a.h.yy, b.h.yy),
-           select(condition, a.h.yz, b.h.yz), select(condition, a.h.zz, b.h.zz)}};
-}
-
 // One of a camera's fields at its two moments, the newer one first.
 struct FieldPair {
   explicit FieldPair(const MeasureJob& job) : grid(job.fields[0]) {
@@ -74,19 +59,7 @@ struct EyeAnswer {
 template <class Space>
 [[gnu::always_inline]] inline Space between(const Eye& eye, const Space (&moments)[2]) {
   if (eye.num_fields == 1) return moments[0];
-  const VecF progress = splat(eye.camera->progress);
-  return plus(moments[1], progress, plus(moments[0], splat(-1.0f), moments[1]));
-}
-
-// Makes space behind the camera unseen, and limits the field near its eye to that right before it.
-template <class Space>
-[[gnu::always_inline]] inline Space before_eye(const float (&R_WC)[3][3], const Space& seen,
-                                               VecF before, VecF radius, VecF extent) {
-  const VecI is_before = before > VecF{};
-  Space nowhere, plane;
-  set(nowhere, SpaceGradient<VecF>{free_limit(radius, extent)});
-  set(plane, SpaceGradient<VecF>{before, splat(R_WC[0][2]), splat(R_WC[1][2]), splat(R_WC[2][2])});
-  return lesser_of(chosen(is_before, seen, nowhere), plane, hull_width(radius));
+  return interpolated(moments[1], moments[0], splat(eye.camera->progress));
 }
 
 // True if the camera sees all elements in a ball well in front of everything, in its frames from
@@ -120,15 +93,19 @@ bool sees_free(const HullCamera& camera, const MeasureJob& job, const Cluster& b
          (!camera.has_moved ||
           sees_free(job, camera.older.frame, 1, 1, ball, largest_radius, distance));
 }
-// True if some camera sees all elements in a ball to be free.
-bool is_seen_free(const HullJob& job, const Cluster& ball, float largest_radius) {
-  for (int k = 0; k < job.num_seeing; ++k) {
+// True if some camera sees all elements in a ball to be free. The one that did so last, `freed_by`,
+// is asked first.
+bool is_seen_free(const HullJob& job, const Cluster& ball, float largest_radius, int& freed_by) {
+  for (int i = 0; i < job.num_seeing; ++i) {
+    const int k = i == 0 ? freed_by : (i <= freed_by ? i - 1 : i);
     const HullCamera& camera = job.cameras[k];
+    if (!camera.may_see()) continue;
     float distance = largest_radius + free_margin(job.num_seeing, largest_radius);
     if (camera.has_in_front) distance += front_margin(largest_radius);
     if (sees_free(camera, camera.seen_free, ball, largest_radius, distance) &&
         (!camera.has_in_front ||
          sees_free(camera, camera.in_front, ball, largest_radius, distance))) {
+      freed_by = k;
       return true;
     }
   }

@@ -8,81 +8,39 @@
 
 namespace palpate { inline namespace v0 { namespace {
 
-// Joined value of all views for a ball of this radius, and the camera that decides it (-1: none);
-// view(number) is the value of one of them.
 template <class Space>
-struct Joined {
-  Space hull;
-  float seen_phi;  // of seen-free and remembered space, without the fields
-  int decider;
+using Joined = JoinedViews<Space, float, int>;
 
-  __device__ void take(const Space& other, float radius, int camera) {
-    if (first_of(other).phi > first_of(hull).phi) decider = camera;
-    hull = greater_of(hull, other, hull_width(radius));
-  }
-};
-template <class Space>
-__device__ bool is_unseen(const Joined<Space>& at) {
-  return at.seen_phi < -static_cast<float>(kSeenBehind);
-}
-template <class Space>
-__device__ Space shifted(const Space& by, float phi) {
-  Space shift{};
-  set(shift, SpaceGradient<float>{phi});
-  return plus(by, 1.0f, shift);
-}
-
-// Joins the seen-free space of the cameras.
+// Joins the seen-free space of the cameras; view(number) is the value of one view.
 template <class Space, int kMaxViews, class View>
 __device__ Joined<Space> join_seen(const HullQuery<kMaxViews>& query, float radius,
                                    const View& view) {
-  Joined<Space> now{view(0), 0, 0};
-  float most = first_of(now.hull).phi;
-  for (int k = 1; k < query.num_seeing; ++k) {
-    const Space here = view(k);
-    if (first_of(here).phi > most) now.decider = k;
-    most = first_of(here).phi > most ? first_of(here).phi : most;
-    now.hull = agreed(now.hull, here, agreement(radius));
-  }
-  now.seen_phi = first_of(now.hull).phi;
+  typename Joined<Space>::Agreed seen;
+  for (int k = 0; k < query.num_seeing; ++k) seen.add(view(k), k, radius);
+  Joined<Space> now;
+  now.see(seen);
   return now;
 }
 // Joins memories, too: they count where no camera sees a surface now.
 template <class Space, int kMaxViews, class View>
 __device__ void join_memories(const HullQuery<kMaxViews>& query, float radius, const View& view,
                               Joined<Space>& to) {
-  const HullWidth<float> width = hull_width(radius);
-  Space shown = view(0);
-  int who = 0, who_knows = 0;
-  float most = -1e9f;
-  for (int k = 1; k < query.num_seeing; ++k) {
-    const Space here = view(k);
-    if (first_of(here).phi < first_of(shown).phi) who = k;
-    shown = lesser_of(shown, here, width);
-  }
-  if (!(first_of(shown).phi > first_of(to.hull).phi)) return;
-  Space known{};
-  bool is_first = true;
+  typename Joined<Space>::Least shown;
+  for (int k = 0; k < query.num_seeing; ++k) shown.add(view(k), k, radius);
+  if (!(first_of(shown.value).phi > first_of(to.hull).phi)) return;
+  typename Joined<Space>::Agreed known;
   for (int k = 0; k < query.num_cameras; ++k) {
-    if (!query.eyes[k].is_remembered) continue;
-    const Space here = view(query.num_seeing + k);
-    known = is_first ? here : agreed(known, here, agreement(radius));
-    is_first = false;
-    if (first_of(here).phi > most) who_knows = k;
-    most = first_of(here).phi > most ? first_of(here).phi : most;
+    if (query.eyes[k].is_remembered) known.add(view(query.num_seeing + k), k, radius);
   }
-  if (first_of(known).phi < first_of(shown).phi) who = who_knows;
-  to.take(shifted(lesser_of(known, shown, width), -width.w), radius, who);
-  to.seen_phi = first_of(to.hull).phi;
+  to.remember(known, shown, radius, true);
 }
-// Joins the fields: space that no camera sees has the value on which all of them agree.
+// Joins the fields of all cameras, the other half of the views.
 template <class Space, int kMaxViews, class View>
-__device__ Space join_fields(const HullQuery<kMaxViews>& query, float radius, const View& view) {
-  Space least = view(query.num_seeing);
-  for (int k = 1; k < query.num_cameras; ++k) {
-    least = lesser_of(least, view(query.num_seeing + k), hull_width(radius));
-  }
-  return shifted(least, -agreement(radius));
+__device__ typename Joined<Space>::Least join_fields(const HullQuery<kMaxViews>& query,
+                                                     float radius, const View& view) {
+  typename Joined<Space>::Least least;
+  for (int k = 0; k < query.num_cameras; ++k) least.add(view(query.num_seeing + k), k, radius);
+  return least;
 }
 // True if an element touches by what was joined so far: more views may still raise its value.
 template <class Space, int kMaxViews>
@@ -93,10 +51,11 @@ __device__ bool needs_wider(const HullQuery<kMaxViews>& query, const Joined<Spac
 
 // True if a field of the camera has all elements in a ball well in front of everything. The warp
 // together.
-__device__ bool sees_free(const HullEye& eye, const FieldLook (&fields)[2], const Cluster& ball,
-                          float distance) {
+__device__ bool sees_free(const HullEye& eye, const FieldFrame (&frames)[2],
+                          const FieldLook (&fields)[2], const Cluster& ball, float distance) {
   for (int f = 0; f < eye.num_fields; ++f) {
-    const FieldLook& look = fields[f];
+    FieldLook look = fields[f];
+    look.frame = frames[eye.has_moved ? f : 0];
     const BallWindow window =
         window_of(look.frame, ball, distance, look.tiles_wide, look.tiles_high);
     if (!window.is_before_camera() || window.first_u < 0 || window.first_v < 0 ||
@@ -108,15 +67,16 @@ __device__ bool sees_free(const HullEye& eye, const FieldLook (&fields)[2], cons
   return true;
 }
 template <int kMaxViews>
-__device__ bool is_seen_free(const HullQuery<kMaxViews>& query, int cluster) {
-  const Cluster& ball = query.elements.clusters[cluster];
-  const float largest = query.elements.largest_radius[cluster];
+__device__ bool is_seen_free(const HullQuery<kMaxViews>& query, const PosedTool<kMaxViews>& tool,
+                             int cluster) {
+  const Cluster& ball = tool.elements.clusters[cluster];
+  const float largest = tool.elements.largest_radius[cluster];
   for (int k = 0; k < query.num_seeing; ++k) {
     const HullEye& eye = query.eyes[k];
     float distance = largest + free_margin(query.num_seeing, largest);
     if (eye.has_in_front) distance += front_margin(largest);
-    if (sees_free(eye, eye.seen_free, ball, distance) &&
-        (!eye.has_in_front || sees_free(eye, eye.in_front, ball, distance))) {
+    if (sees_free(eye, tool.in_eyes[k], eye.seen_free, ball, distance) &&
+        (!eye.has_in_front || sees_free(eye, tool.in_eyes[k], eye.in_front, ball, distance))) {
       return true;
     }
   }
@@ -124,11 +84,13 @@ __device__ bool is_seen_free(const HullQuery<kMaxViews>& query, int cluster) {
 }
 // True if a surface that came before a remembered one may be near.
 template <int kMaxViews>
-__device__ bool queries_in_front(const HullQuery<kMaxViews>& query, int view, int cluster) {
-  const HullEye& eye = eye_of(query, view);
+__device__ bool queries_in_front(const HullQuery<kMaxViews>& query,
+                                 const PosedTool<kMaxViews>& tool, int view, int cluster) {
+  const int k = eye_of(query, view);
+  const HullEye& eye = query.eyes[k];
   if (!eye.has_in_front) return false;
-  const float distance = front_limit(query.elements.largest_radius[cluster]);
-  return !sees_free(eye, eye.in_front, query.elements.clusters[cluster], distance);
+  const float distance = front_limit(tool.elements.largest_radius[cluster]);
+  return !sees_free(eye, tool.in_eyes[k], eye.in_front, tool.elements.clusters[cluster], distance);
 }
 
 }}}  // namespace palpate::v0

@@ -15,12 +15,13 @@ class Hull {
  public:
   using Space = InSpace<Sample>;
 
-  Hull(const HullJob& job, const Eye* eyes) : job_(job), eyes_(eyes) {}
+  /// `freed_by`: the camera that is asked first, as it has seen elements to be free last.
+  Hull(const HullJob& job, const Eye* eyes, int& freed_by)
+      : job_(job), eyes_(eyes), freed_by_(freed_by) {}
 
   // Announces the elements that are sampled next, and a ball that contains those with a value.
-  void aim_at(const Cluster& ball, float largest_radius,
-              const ElementRows MeasureJob::*elements = &MeasureJob::elements) {
-    elements_ = elements;
+  void aim_at(const Cluster& ball, float largest_radius, const ElementRows& rows) {
+    rows_ = rows;
     for (int k = 0; k < job_.num_cameras; ++k) {
       const HullCamera& camera = job_.cameras[k];
       answers_[k].queries_in_front =
@@ -31,13 +32,9 @@ class Hull {
 
   // Returns false if some camera sees that all elements of vector `number` of a cluster are free.
   bool evaluate(std::size_t slot, bool is_ball, int number) {
-    radius_ = load((job_.tool.*elements_).radius + slot);
-    extent_ = extent_of(radius_, is_ball, number);
-    if (!look(slot)) return false;
-    join_seen_free();
-    if (job_.has_memory) join_remembered(slot);
-    seen_phi = first_of(hull).phi;
-    join_fields(slot);
+    start(slot, is_ball, number);
+    if (!look(slot, freed_by_) || !look_on(slot, freed_by_)) return false;
+    join(slot);
     return true;
   }
 
@@ -54,7 +51,7 @@ class Hull {
     NoisePlace at{};
     at.camera = splat(-1);
     for (int k = 0; k < job_.num_cameras; ++k) {
-      const VecI which = decider == splat(k);
+      const VecI which = joined.decider == splat(k);
       if (mask_bits(which) == 0) continue;
       const HullCamera& camera = job_.cameras[k];
       at = chosen(which, noise_place(camera.field.frame, answers_[k].lanes[0], k, camera.R_WC[0]),
@@ -63,42 +60,57 @@ class Hull {
     return at;
   }
 
-  VecI is_unseen() const { return seen_phi < splat(-static_cast<float>(kSeenBehind)); }
-
-  Space hull;
-  VecF seen_phi;  // of seen-free and remembered space, without the fields
-  VecI decider;   // the camera with the largest value
+  JoinedViews<Space, VecF, VecI> joined;
 
  private:
-  // Takes the first sample of every camera, until all elements are free by one.
-  bool look(std::size_t slot) {
-    VecI is_free{};
+  using Agreed = AgreedViews<Space, VecF, VecI>;
+  using Least = LeastView<Space, VecF, VecI>;
+
+  // Begins with the elements of a vector.
+  void start(std::size_t slot, bool is_ball, int number) {
+    radius_ = load(rows_.radius + slot);
+    extent_ = extent_of(radius_, is_ball, number);
+    is_free_ = VecI{};
     shallowest_ = splat(-1e9f);
     is_between_ = false;
+  }
+  void join(std::size_t slot) {
+    join_seen_free();
+    if (job_.has_memory) join_remembered(slot);
+    join_fields(slot);
+  }
+
+  // Takes the first samples of the other cameras, until all elements are free by one.
+  bool look_on(std::size_t slot, int first) {
     for (const bool may_see : {true, false}) {
       for (int k = 0; k < job_.num_seeing; ++k) {
-        if (job_.cameras[k].may_see() != may_see) continue;
-        answers_[k].is_used = may_see || !cannot_decide(k, is_free);
-        if (answers_[k].is_used && !look(slot, k, is_free)) return false;
+        if (k == first || job_.cameras[k].may_see() != may_see) continue;
+        answers_[k].is_used = may_see || !cannot_decide(k);
+        if (answers_[k].is_used && !look(slot, k)) {
+          if (may_see) freed_by_ = k;
+          return false;
+        }
       }
     }
-    may_touch_ = ~is_free;
+    may_touch_ = ~is_free_;
     return true;
   }
 
   // True if the bound of a camera that does not see the tool is far below the other values.
-  bool cannot_decide(int k, VecI is_free) const {
+  bool cannot_decide(int k) const {
     // Wider pixels may make a deep element half as deep again.
     const VecF least = min(shallowest_, 1.5f * shallowest_) - 3.0f * agreement(radius_);
-    return mask_bits(~is_free & ~(least > splat(job_.cameras[k].at_most))) == 0;
+    return mask_bits(~is_free_ & ~(least > splat(job_.cameras[k].at_most))) == 0;
   }
 
   // Takes the first sample of one camera. False: now all elements are free.
-  bool look(std::size_t slot, int k, VecI& is_free) {
+  bool look(std::size_t slot, int k) {
     const Eye& eye = eyes_[k];
     const MeasureJob& seen = eye.camera->seen_free;
     EyeAnswer<Sample>& answer = answers_[k];
-    Lanes& e = answer.lanes[0] = aim(seen.*elements_, seen.frame, eye.seen_free.grid, slot);
+    answer.is_used = true;
+    is_between_ |= eye.num_fields > 1;
+    Lanes& e = answer.lanes[0] = aim(rows_, seen.frame, eye.seen_free.grid, slot);
     answer.before[0] = e.lz + (seen.frame.p_WC[2] - kMinDepth);
     Look look = look_of(eye.seen_free.grid, e, e.radius);
     VecF phi[2];
@@ -106,7 +118,7 @@ class Hull {
       const int seat = eye.seat(f);
       if (seat > 0) {
         const MeasureJob& older = eye.camera->older;
-        answer.lanes[1] = aim(older.*elements_, older.frame, eye.seen_free.grid, slot);
+        answer.lanes[1] = aim(rows_, older.frame, eye.seen_free.grid, slot);
         answer.before[1] = answer.lanes[1].lz + (older.frame.p_WC[2] - kMinDepth);
         look = look_of(eye.seen_free.grid, answer.lanes[1], e.radius);
       }
@@ -125,7 +137,6 @@ class Hull {
         phi[f] = min(phi[f], answer.before[seat]);
       }
     }
-    is_between_ |= eye.num_fields > 1;
     VecF now = phi[0];
     if (eye.num_fields > 1) {
       now = phi[1] + splat(eye.camera->progress) * (phi[0] - phi[1]);
@@ -135,8 +146,8 @@ class Hull {
     // Rounding lowers the lesser of two by no more than this.
     VecF limit = extent_ + free_margin(job_.num_seeing, e.radius);
     if (answer.queries_in_front) limit += front_margin(e.radius);
-    is_free |= now > limit;
-    return mask_bits(~is_free) != 0;
+    is_free_ |= now > limit;
+    return mask_bits(~is_free_) != 0;
   }
 
   // Joins the seen-free space of the cameras: the maximum. Only the camera with the smallest depth
@@ -145,8 +156,7 @@ class Hull {
     const VecF limit = -deep_limit(radius_);
     const VecI may_be_deep =
         may_touch_ & (is_between_ ? splat(-1) : shallowest_ < limit + agreement(radius_));
-    VecF most = splat(-1e9f);
-    bool is_first = true;
+    Agreed seen;
     for (int k = 0; k < job_.num_seeing; ++k) {
       const Eye& eye = eyes_[k];
       EyeAnswer<Sample>& answer = answers_[k];
@@ -167,29 +177,26 @@ class Hull {
         if (job_.is_alone) {
           moments[f] = chosen(answer.before[seat] > VecF{}, moments[f], nowhere());
         } else if (eye.camera->has_moved) {
-          moments[f] = before_eye(R_WC, moments[f], answer.before[seat], radius_, extent_);
+          moments[f] = limited_by_eye(R_WC, moments[f], answer.before[seat]);
         }
       }
-      Space seen = between(eye, moments);
+      Space here = between(eye, moments);
       if (!eye.camera->has_moved && !job_.is_alone) {
-        seen = before_eye(eye.camera->R_WC[0], seen, answer.before[0], radius_, extent_);
+        here = limited_by_eye(eye.camera->R_WC[0], here, answer.before[0]);
       }
-      hull = is_first ? seen : agreed(hull, seen, agreement(radius_));
-      is_first = false;
-      decide(first_of(seen).phi > most, k, decider);
-      most = max(most, first_of(seen).phi);
+      seen.add(here, k, radius_);
     }
+    joined.see(seen);
   }
 
   // Joins remembered free space, limited by the surfaces seen now, where these exceed the value
   // joined so far.
   void join_remembered(std::size_t slot) {
-    const HullWidth<VecF> width = hull_width(radius_);
-    VecI counts = may_touch_ & (first_of(hull).phi < extent_);
+    const auto phi = [&] { return first_of(joined.hull).phi; };
+    VecI counts = may_touch_ & (phi() < extent_);
     if (mask_bits(counts) == 0) return;
-    Space shown = nowhere();
-    VecI who{}, who_shows{};
-    bool is_first = true;
+    Least shown;
+    shown.value = nowhere();
     for (int k = 0; k < job_.num_seeing; ++k) {
       if (!job_.cameras[k].may_see()) continue;
       const Eye& eye = eyes_[k];
@@ -200,32 +207,22 @@ class Hull {
             chosen(answers_[k].before[seat] > VecF{},
                    evaluate(eye, eye.in_front, f, answers_[k].lanes[seat], counts), nowhere());
       }
-      const Space here = between(eye, moments);
-      decide(is_first ? splat(-1) : first_of(here).phi < first_of(shown).phi, k, who_shows);
-      shown = is_first ? here : lesser_of(shown, here, width);
-      is_first = false;
-      counts &= first_of(shown).phi > first_of(hull).phi;
+      shown.add(between(eye, moments), k, radius_);
+      counts &= first_of(shown.value).phi > phi();
       if (mask_bits(counts) == 0) return;
     }
-    Space known;
-    is_first = true;
-    VecF most = splat(-1e9f);
+    Agreed known;
     for (const bool may_see : {true, false}) {
       for (int k = 0; k < job_.num_cameras; ++k) {
         const HullCamera& camera = job_.cameras[k];
         if (!camera.is_remembered || camera.may_see() != may_see) continue;
         // A camera whose bound is too low to decide is skipped.
-        const VecI may_decide = most < splat(camera.at_most) + 2.0f * agreement(radius_);
+        const VecI may_decide = known.most < splat(camera.at_most) + 2.0f * agreement(radius_);
         if (!may_see && mask_bits(counts & may_decide) == 0) continue;
-        const Space here = remembered_by(k, slot, counts);
-        known = is_first ? here : agreed(known, here, agreement(radius_));
-        decide(first_of(here).phi > most, k, who);
-        most = max(most, first_of(here).phi);
-        is_first = false;
+        known.add(remembered_by(k, slot, counts), k, radius_);
       }
     }
-    who = first_of(known).phi < first_of(shown).phi ? who : who_shows;
-    join_greater(plus(lesser_of(known, shown, width), splat(1.0f), shifted(-width.w)), counts, who);
+    joined.remember(known, shown, radius_, counts);
   }
 
   // Samples the remembered free space of one camera, in the world.
@@ -238,23 +235,22 @@ class Hull {
       const int seat = eye.seat(f);
       moments[f] = evaluate(eye, eye.remembered, f, answer.lanes[seat], counts);
       if (eye.camera->has_moved) {
-        moments[f] =
-            before_eye(eye.camera->R_WC[seat], moments[f], answer.before[seat], radius_, extent_);
+        moments[f] = limited_by_eye(eye.camera->R_WC[seat], moments[f], answer.before[seat]);
       }
     }
     const Space here = between(eye, moments);
     if (eye.camera->has_moved) return here;
-    return before_eye(eye.camera->R_WC[0], here, answer.before[0], radius_, extent_);
+    return limited_by_eye(eye.camera->R_WC[0], here, answer.before[0]);
   }
 
-  // Joins the fields: space that no camera sees has the value on which all of them agree.
+  // Joins the fields where they can still raise the value.
   void join_fields(std::size_t slot) {
     const HullWidth<VecF> width = hull_width(radius_);
-    const VecI is_touching = may_touch_ & (first_of(hull).phi < extent_);
+    const VecI is_touching = may_touch_ & (first_of(joined.hull).phi < extent_);
     if (!job_.may_be_unseen || mask_bits(is_touching) == 0) return;
     const VecF later = -agreement(radius_);
-    Space least = nowhere();
-    bool is_first = true;
+    Least least;
+    least.value = nowhere();
     for (int k = 0; k < job_.num_cameras; ++k) {
       if (!job_.cameras[k].may_see()) continue;
       const Eye& eye = eyes_[k];
@@ -268,37 +264,29 @@ class Hull {
         }
         moments[f] = chosen(answers_[k].before[seat] > VecF{}, moments[f], nowhere());
       }
-      const Space here = between(eye, moments);
-      least = is_first ? here : lesser_of(least, here, width);
-      is_first = false;
-      const VecI counts =
-          is_touching & (first_of(least).phi + later > first_of(hull).phi - width.w);
-      if (mask_bits(counts) == 0) return;
+      least.add(between(eye, moments), k, radius_);
+      const VecF phi = first_of(least.value).phi + later;
+      if (mask_bits(is_touching & (phi > first_of(joined.hull).phi - width.w)) == 0) return;
     }
-    join_greater(plus(least, splat(1.0f), shifted(later)), is_touching, splat(-1));
+    joined.close(least, radius_, is_touching);
   }
-
-  // Joins another value, which camera `who` decides, for the elements in `which`: the maximum.
-  void join_greater(const Space& other, VecI which, VecI who) {
-    const VecI is_other = which & (first_of(other).phi > first_of(hull).phi);
-    decider = is_other ? who : decider;
-    hull = chosen(which, greater_of(hull, other, hull_width(radius_)), hull);
-  }
-  static void decide(VecI which, int camera, VecI& who) { who = which ? splat(camera) : who; }
 
   // Returns the value of space that no surface is near to.
-  Space nowhere() const { return shifted(free_limit(radius_, extent_)); }
-  static Space shifted(VecF phi) {
+  Space nowhere() const {
     Space space;
-    set(space, SpaceGradient<VecF>{phi});
+    set(space, SpaceGradient<VecF>{free_limit(radius_, extent_)});
     return space;
+  }
+  // Makes space behind the camera unseen, and that near its eye.
+  Space limited_by_eye(const float (&R_WC)[3][3], const Space& seen, VecF before) const {
+    return before_eye(R_WC, chosen(before > VecF{}, seen, nowhere()), before, radius_);
   }
 
   // Places the elements in a camera at all its seats.
   void take_seats(const Eye& eye, std::size_t slot, EyeAnswer<Sample>& answer) const {
     for (int seat = 0; seat <= eye.seat(eye.num_fields - 1); ++seat) {
       const MeasureJob& job = seat == 0 ? eye.camera->field : eye.camera->older;
-      answer.lanes[seat] = aim(job.*elements_, job.frame, eye.field.grid, slot);
+      answer.lanes[seat] = aim(rows_, job.frame, eye.field.grid, slot);
       answer.before[seat] = answer.lanes[seat].lz + (job.frame.p_WC[2] - kMinDepth);
     }
   }
@@ -323,10 +311,11 @@ class Hull {
 
   const HullJob& job_;
   const Eye* eyes_;
-  const ElementRows MeasureJob::*elements_ = &MeasureJob::elements;
+  int& freed_by_;
+  ElementRows rows_;
   EyeAnswer<Sample> answers_[kMaxCameras];
   VecF shallowest_, radius_, extent_;
-  VecI may_touch_;
+  VecI is_free_, may_touch_;
   bool is_between_ = false;
 };
 

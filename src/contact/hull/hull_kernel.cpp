@@ -1,5 +1,6 @@
 // Elements against the depth hull of several cameras, compiled once per instruction set.
-// hull_eyes.h has the samples of one camera, hull_joins.h their join, hull_rules.h the formulas.
+// hull_eyes.h has the samples of one camera, hull_joins.h the order in which they are joined,
+// hull_rules.h the formulas.
 //
 // Words of the hull, in all its files. The *moments* of a camera are the one or two frames that it
 // is blended from: 0 is the newer one, 1 the older one, and `moments[f]` is a value at moment f. A
@@ -27,7 +28,6 @@
 #include "src/contact/field/ball_totals.h"
 #include "src/contact/field/whole_totals.h"
 #include "src/contact/hull/depth_hull.h"
-#include "src/contact/hull/hull_eyes.h"
 #include "src/contact/hull/hull_joins.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
@@ -40,22 +40,27 @@ template <class Sample, class Begin, class F, class End>
 [[gnu::always_inline]] inline void for_each_touching(const HullJob& job, int group,
                                                      std::uint32_t& requested, const Begin& begin,
                                                      const F& f, const End& end) {
+  const HullCamera *const cameras = job.cameras, *const seeing_end = cameras + job.num_seeing;
+  const auto first_seeing =
+      std::find_if(cameras, seeing_end, [](const HullCamera& camera) { return camera.may_see(); });
+  int freed_by = first_seeing == seeing_end ? 0 : static_cast<int>(first_seeing - cameras);
   const SphereClusters& clusters = *job.tool.clusters;
   const int first = group * SphereClusters::kClustersPerGroup;
   const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
   const float largest =
       *std::max_element(job.tool.largest_radius + first, job.tool.largest_radius + last);
-  if (is_seen_free(job, clusters.groups[static_cast<std::size_t>(group)], largest)) return;
+  if (is_seen_free(job, clusters.groups[static_cast<std::size_t>(group)], largest, freed_by))
+    return;
   alignas(Eye) std::byte memory[kMaxCameras * sizeof(Eye)];
   Eye* const eyes = reinterpret_cast<Eye*>(memory);
   for (int k = 0; k < job.num_cameras; ++k) new (eyes + k) Eye(job.cameras[k]);
-  Hull<Sample> hull(job, eyes);
+  Hull<Sample> hull(job, eyes, freed_by);
   begin(hull, eyes[0].field.grid);
   for (int cluster = first; cluster < last; ++cluster) {
     if ((requested >> (cluster - first) & 1) == 0) continue;
     const Cluster& around = clusters.clusters[static_cast<std::size_t>(cluster)];
-    if (is_seen_free(job, around, job.tool.largest_radius[cluster])) continue;
-    hull.aim_at(around, job.tool.largest_radius[cluster]);
+    if (is_seen_free(job, around, job.tool.largest_radius[cluster], freed_by)) continue;
+    hull.aim_at(around, job.tool.largest_radius[cluster], job.tool.elements);
     const bool is_ball = cluster >= job.tool.first_ball;
     bool is_touching = false;
     for (int i = 0; i < kNumVectors; ++i) {
@@ -82,7 +87,7 @@ template <class Sample>
   std::uint32_t known = 0, requested = (1u << kNumClusters) - 1;
   const int first = group * kNumClusters;
   const auto field_at = [](const Hull<Sample>& at) {
-    return SpaceCurvature<VecF>{first_of(at.hull), second_of(at.hull)};
+    return SpaceCurvature<VecF>{first_of(at.joined.hull), second_of(at.joined.hull)};
   };
   const auto place_of = [&](Hull<Sample>& at) { return noise.wants() ? at.place() : NoisePlace{}; };
   for_each_touching<Sample>(
@@ -90,7 +95,7 @@ template <class Sample>
       [&](Hull<Sample>& at, const Grid& grid) {
         const float* const radii = job.tool.wholes.radius + first;
         at.aim_at(job.tool.clusters->groups[static_cast<std::size_t>(group)],
-                  *std::max_element(radii, radii + kNumClusters), &MeasureJob::wholes);
+                  *std::max_element(radii, radii + kNumClusters), job.tool.wholes);
         const int num_wholes = job.tool.first_ball >= kMinWholes ? kNumWholes : 0;
         for (int i = 0; i < num_wholes; ++i) {
           const auto slot = static_cast<std::size_t>(first + i * kLanes);
@@ -102,8 +107,8 @@ template <class Sample>
           const VecF share = load(wholes.shares() + i * kLanes);
           if (!is_near || mask_bits(share > VecF{}) == 0) continue;
           unseen.add(i % RowSums::kParts,
-                     select(at.is_unseen(), share * whole_volume(job.tool.wholes, slot, e.radius),
-                            VecF{}));
+                     select(at.joined.is_unseen(),
+                            share * whole_volume(job.tool.wholes, slot, e.radius), VecF{}));
         }
         for (int number = 0; number < kNumClusters; ++number) {
           if (wholes.share(number) >= 1) requested &= ~(1u << number);
@@ -115,7 +120,7 @@ template <class Sample>
         const SpaceCurvature<VecF> field = field_at(at);
         const SpaceGradient<VecF>& g = field.first;
         unseen.add(
-            part, select(at.is_unseen(),
+            part, select(at.joined.is_unseen(),
                          (1.0f - share) * whole_volume(job.tool.elements, slot, e.radius), VecF{}));
         if (cluster < job.tool.first_ball) {
           GroupTotals<kWithStiffness>& sums = share > 0 ? blended : totals;
@@ -179,15 +184,15 @@ void describe_hull_group(const HullJob& job, int group, const SphereCuts& to) {
   for_each_touching<Gradient>(
       job, group, requested, [](Hull<Gradient>&, const Grid&) {},
       [&](std::size_t slot, const Lanes& e, Hull<Gradient>& at, int) {
-        const SpaceGradient<VecF>& g = at.hull;
-        const VecI nobody = at.decider < VecI{};
+        const SpaceGradient<VecF>& g = at.joined.hull;
+        const VecI nobody = at.joined.decider < VecI{};
         VecI number{};
         for (int k = 0; k < job.num_cameras; ++k) {
-          number = at.decider == splat(k) ? splat(job.cameras[k].number) : number;
+          number = at.joined.decider == splat(k) ? splat(job.cameras[k].number) : number;
         }
         describe(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, to,
                  nobody ? splat(kNoCamera) : number);
-        mark_unseen(job.tool, slot, at.is_unseen(), to.unseen);
+        mark_unseen(job.tool, slot, at.joined.is_unseen(), to.unseen);
       },
       [](int) {});
 }

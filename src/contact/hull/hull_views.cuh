@@ -10,8 +10,7 @@
 
 namespace palpate { inline namespace v0 {
 
-// A camera on the GPU: its fields, the newer one first, with the pose of the tool in the camera at
-// that frame.
+// A camera on the GPU: its fields, the newer one first.
 struct HullEye {
   FieldLook seen_free[2], field[2], in_front[2], remembered[2];
   float R_WC[2][3][3] = {};
@@ -23,18 +22,23 @@ struct HullEye {
   std::int32_t number = 0;  // in the call
 };
 
-// The argument of the kernel. Few cameras make it short.
+// The cameras of a query; an argument of kernels. Few cameras make it short.
 constexpr int kFewCameras = 4;
 template <int kMaxViews>
 struct HullQuery {
-  ElementsView elements;
-  FieldFrame tool;  ///< its pose in the world
   std::int32_t num_cameras = 0;
   std::int32_t num_seeing = 0;  ///< cameras that show something now come first
   bool has_memory = false;
-  bool skips_clusters = false;  ///< those in front: pays if blocks have several
-  bool is_alone = false;        ///< as HullJob
+  bool is_alone = false;  ///< as HullJob
   HullEye eyes[kMaxViews];
+};
+
+/// A tool and its pose, in the world and in all cameras.
+template <int kMaxViews>
+struct PosedTool {
+  ElementsView elements;
+  FieldFrame in_world;
+  FieldFrame in_eyes[kMaxViews][2];  ///< by seat
 };
 
 namespace {
@@ -56,25 +60,18 @@ __device__ inline void place(const FieldFrame& frame, const Ball& ball, float (&
   }
 }
 
-// Limits the field near a camera's eye to that right before it.
-template <class Space>
-__device__ Space before_eye(const float (&R_WC)[3][3], const Space& seen, float z, float radius) {
-  Space plane{};
-  set(plane, SpaceGradient<float>{z - kMinDepth, R_WC[0][2], R_WC[1][2], R_WC[2][2]});
-  return lesser_of(seen, plane, hull_width(radius));
-}
-
 // Interpolates a field between the camera's two frames; behind the camera all is free, or blocked
 // if it `is_closed`.
 template <class Sample>
-__device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)[2],
-                                   const Ball& ball, bool is_closed, bool queries_in_front) {
+__device__ InSpace<Sample> between(const HullEye& eye, const FieldFrame (&frames)[2],
+                                   const FieldLook (&fields)[2], const Ball& ball, bool is_closed,
+                                   bool queries_in_front) {
   InSpace<Sample> now{};
   float p[3] = {};
 #pragma unroll 1
   for (int f = 0; f < eye.num_fields; ++f) {
     const int seat = eye.has_moved ? f : 0;
-    const FieldFrame& frame = eye.field[seat].frame;
+    const FieldFrame& frame = frames[seat];
     place(frame, ball, p);
     InSpace<Sample> here{};
     if (p[2] > kMinDepth) {
@@ -89,10 +86,12 @@ __device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)
     } else {
       set(here, SpaceGradient<float>{free_limit(ball.radius, ball.extent)});
     }
-    if (is_closed && eye.has_moved) here = before_eye(eye.R_WC[seat], here, p[2], ball.radius);
-    now = f == 0 ? here : plus(here, eye.progress, plus(now, -1.0f, here));
+    const float before = p[2] - kMinDepth;
+    if (is_closed && eye.has_moved) here = before_eye(eye.R_WC[seat], here, before, ball.radius);
+    now = f == 0 ? here : interpolated(here, now, eye.progress);
   }
-  return is_closed && !eye.has_moved ? before_eye(eye.R_WC[0], now, p[2], ball.radius) : now;
+  return is_closed && !eye.has_moved ? before_eye(eye.R_WC[0], now, p[2] - kMinDepth, ball.radius)
+                                     : now;
 }
 
 // A view is one field of one camera. First the seen-free space of each camera, then the fields; for
@@ -102,34 +101,40 @@ __device__ int num_views(const HullQuery<kMaxViews>& query) {
   return query.is_alone ? 1 : query.num_seeing + query.num_cameras;
 }
 template <int kMaxViews>
-__device__ const HullEye& eye_of(const HullQuery<kMaxViews>& query, int view) {
-  return query.eyes[view < query.num_seeing ? view : view - query.num_seeing];
+__device__ int eye_of(const HullQuery<kMaxViews>& query, int view) {
+  return view < query.num_seeing ? view : view - query.num_seeing;
 }
 template <class Sample, int kMaxViews>
-__device__ InSpace<Sample> query_view(const HullQuery<kMaxViews>& query, int view, const Ball& ball,
+__device__ InSpace<Sample> query_view(const HullQuery<kMaxViews>& query,
+                                      const PosedTool<kMaxViews>& tool, int view, const Ball& ball,
                                       bool queries_in_front) {
   const bool is_seen = view < query.num_seeing;
-  const HullEye& eye = eye_of(query, view);
-  return between<Sample>(eye, is_seen ? eye.seen_free : eye.field, ball, is_seen && !query.is_alone,
-                         queries_in_front);
+  const int k = eye_of(query, view);
+  const HullEye& eye = query.eyes[k];
+  return between<Sample>(eye, tool.in_eyes[k], is_seen ? eye.seen_free : eye.field, ball,
+                         is_seen && !query.is_alone, queries_in_front);
 }
 template <class Sample, int kMaxViews>
-__device__ InSpace<Sample> query_memory(const HullQuery<kMaxViews>& query, int view,
+__device__ InSpace<Sample> query_memory(const HullQuery<kMaxViews>& query,
+                                        const PosedTool<kMaxViews>& tool, int view,
                                         const Ball& ball) {
   const bool is_seen = view < query.num_seeing;
-  const HullEye& eye = eye_of(query, view);
+  const int k = eye_of(query, view);
+  const HullEye& eye = query.eyes[k];
   if (!is_seen && !eye.is_remembered) return {};
-  return between<Sample>(eye, is_seen ? eye.in_front : eye.remembered, ball, !is_seen, false);
+  return between<Sample>(eye, tool.in_eyes[k], is_seen ? eye.in_front : eye.remembered, ball,
+                         !is_seen, false);
 }
 
 // True if a ball has a value. A single camera knows nothing of the space behind its eye.
 template <int kMaxViews>
-__device__ bool is_complete(const HullQuery<kMaxViews>& query, const Ball& ball) {
+__device__ bool is_complete(const HullQuery<kMaxViews>& query, const PosedTool<kMaxViews>& tool,
+                            const Ball& ball) {
   if (!query.is_alone) return true;
   const HullEye& eye = query.eyes[0];
   for (int seat = 0; seat < (eye.has_moved ? eye.num_fields : 1); ++seat) {
     float p[3];
-    place(eye.field[seat].frame, ball, p);
+    place(tool.in_eyes[0][seat], ball, p);
     if (!(p[2] > kMinDepth)) return false;
   }
   return true;

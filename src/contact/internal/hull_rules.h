@@ -102,6 +102,27 @@ PALPATE_FORMULA SpaceCurvature<Real> plus(const SpaceCurvature<Real>& a, Real t,
            a.h.yz + t * b.h.yz, a.h.zz + t * b.h.zz}};
 }
 
+/// Returns a + phi.
+template <class Space, class Real>
+PALPATE_FORMULA Space shifted(const Space& a, Real phi) {
+  Space shift{};
+  set(shift, SpaceGradient<Real>{phi});
+  return plus(a, Real{} + 1.0f, shift);
+}
+/// Returns `a` for the elements in `which`, `b` for the others.
+template <class Real>
+PALPATE_FORMULA SpaceGradient<Real> chosen(const auto& which, const SpaceGradient<Real>& a,
+                                           const SpaceGradient<Real>& b) {
+  return {which ? a.phi : b.phi, which ? a.x : b.x, which ? a.y : b.y, which ? a.z : b.z};
+}
+template <class Real>
+PALPATE_FORMULA SpaceCurvature<Real> chosen(const auto& which, const SpaceCurvature<Real>& a,
+                                            const SpaceCurvature<Real>& b) {
+  return {chosen(which, a.first, b.first),
+          {which ? a.h.xx : b.h.xx, which ? a.h.xy : b.h.xy, which ? a.h.xz : b.h.xz,
+           which ? a.h.yy : b.h.yy, which ? a.h.yz : b.h.yz, which ? a.h.zz : b.h.zz}};
+}
+
 /// Half width over which a sphere's cameras are joined, and its inverse.
 template <class Real>
 struct HullWidth {
@@ -226,5 +247,97 @@ PALPATE_FORMULA auto in_world(const float (&R_WC)[3][3], const FieldFrame& frame
   const auto space = rotated_to_world(R_WC, frame, at, sample);
   return composed(limited(first_of(space).phi, radius, extent), space);
 }
+
+/// Interpolates between a camera's two moments.
+template <class Space, class Real>
+PALPATE_FORMULA Space interpolated(const Space& older, const Space& newer, Real progress) {
+  return plus(older, progress, plus(newer, Real{} - 1.0f, older));
+}
+/// Limits the field near a camera's eye to that right before it. `before`: the distance before the
+/// eye, less kMinDepth.
+template <class Space, class Real>
+PALPATE_FORMULA Space before_eye(const float (&R_WC)[3][3], const Space& seen, Real before,
+                                 Real radius) {
+  const Real zero{};
+  Space plane{};
+  set(plane, SpaceGradient<Real>{before, R_WC[0][2] - zero, R_WC[1][2] - zero, R_WC[2][2] - zero});
+  return lesser_of(seen, plane, hull_width(radius));
+}
+
+// The join itself is fed one view after another: the loops differ, what they compute does not.
+// `Index` is the number of a camera, one for each element. Elements in `which` are joined.
+
+/// The value on which views agree, and the camera that has the greatest one.
+template <class Space, class Real, class Index>
+struct AgreedViews {
+  Space value{};
+  Real most = Real{} - 1e9f;
+  Index who{};
+  bool is_empty = true;
+
+  PALPATE_FORMULA void add(const Space& here, int camera, Real radius) {
+    value = is_empty ? here : agreed(value, here, agreement(radius));
+    const auto is_more = first_of(here).phi > most;
+    who = is_more ? Index{} + camera : who;
+    most = is_more ? first_of(here).phi : most;
+    is_empty = false;
+  }
+};
+/// The least value of views, and the camera that has it.
+template <class Space, class Real, class Index>
+struct LeastView {
+  Space value{};
+  Index who{};
+  bool is_empty = true;
+
+  PALPATE_FORMULA void add(const Space& here, int camera, Real radius) {
+    const auto is_less = first_of(here).phi < first_of(value).phi;
+    const Index that = Index{} + camera;
+    who = is_empty ? that : (is_less ? that : who);
+    value = is_empty ? here : lesser_of(value, here, hull_width(radius));
+    is_empty = false;
+  }
+};
+/// The hull of all views so far.
+template <class Space, class Real, class Index>
+struct JoinedViews {
+  Space hull{};
+  Real seen_phi{};  ///< of seen-free and remembered space, without the fields
+  Index decider{};  ///< the camera that has the greatest value, -1: none
+
+  using Agreed = AgreedViews<Space, Real, Index>;
+  using Least = LeastView<Space, Real, Index>;
+
+  /// Begins with the seen-free space of all cameras.
+  PALPATE_FORMULA void see(const Agreed& seen) {
+    hull = seen.value;
+    decider = seen.who;
+    seen_phi = first_of(hull).phi;
+  }
+  /// Joins remembered free space, limited by the surfaces seen now.
+  PALPATE_FORMULA void remember(const Agreed& known, const Least& shown, Real radius,
+                                const auto& which) {
+    const HullWidth<Real> width = hull_width(radius);
+    const auto is_known = first_of(known.value).phi < first_of(shown.value).phi;
+    take(shifted(lesser_of(known.value, shown.value, width), -width.w),
+         is_known ? known.who : shown.who, width, which);
+    seen_phi = first_of(hull).phi;
+  }
+  /// Joins the fields: space that no camera sees has the value on which all of them agree.
+  PALPATE_FORMULA void close(const Least& fields, Real radius, const auto& which) {
+    take(shifted(fields.value, -agreement(radius)), Index{} - 1, hull_width(radius), which);
+  }
+  PALPATE_FORMULA auto is_unseen() const {
+    return seen_phi < Real{} - static_cast<float>(kSeenBehind);
+  }
+
+ private:
+  PALPATE_FORMULA void take(const Space& other, const Index& who, const HullWidth<Real>& width,
+                            const auto& which) {
+    const auto is_other = first_of(other).phi > first_of(hull).phi;
+    decider = which & is_other ? who : decider;
+    hull = chosen(which, greater_of(hull, other, width), hull);
+  }
+};
 
 }}  // namespace palpate::v0

@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "src/contact/batch/field_batch.h"
+#include "src/contact/bodies/shapes_of_scene.h"
+#include "src/contact/hull/camera_seats.h"
 #include "src/contact/index/tool_parts.h"
 #include "src/contact/scene/scene_answers.h"
 #include "src/contact/scene/scene_checks.h"
@@ -45,17 +47,18 @@ constexpr SceneMakers kCpuMakers{
     [](SceneMakers::Index a, SceneMakers::Index b, const ExecutionOptions& execution) {
       return make_body_pair_query(Backend::cpu, std::move(a), std::move(b), {.isa = execution.isa});
     },
-    make_clearance_batch};
+    make_clearance_batch, nullptr};
 
 }  // namespace
 
 struct SceneContact::Impl {
   /// The queries of one thread.
   struct Worker {
-    std::vector<std::unique_ptr<ContactQuery>> queries;              // of each tool
-    std::vector<std::vector<std::unique_ptr<BodyPairQuery>>> pairs;  // of each tool and shape
-    SpherePicture picture;
+    std::vector<std::unique_ptr<ContactQuery>> queries;  // of each tool
+    mutable SpherePicture picture;
   };
+  /// A shape with each tool, for each thread.
+  using Pairs = std::vector<std::vector<std::unique_ptr<BodyPairQuery>>>;
 
   ContactMethod method;
   Place place;
@@ -66,23 +69,25 @@ struct SceneContact::Impl {
   std::unique_ptr<ThreadPool> pool;
   std::vector<Worker> workers;
   std::unique_ptr<ClearanceBatch> clearances;
-  std::unique_ptr<BatchQuery> batches;                   // of a single tool
-  std::vector<std::shared_ptr<const ToolIndex>> shapes;  // of the last scene's bodies
-  std::vector<std::size_t> shape_of_body;
+  std::unique_ptr<BatchQuery> batches;  // of a single tool
+  std::unique_ptr<SceneBatch> scenes;   // on a GPU
+  ShapesOfScene<Pairs> pairs;
   std::vector<SurfaceView> surfaces;  // of the scene, with its policy
   std::vector<SurfaceBlend> cameras;
 
-  Status take(const Scene& scene, bool wants_contact);
-  Status make_pairs();
-  ContactResult measure(Worker& worker, const Scene& scene, std::size_t tool, const Pose& X_WT,
+  Status take(const Scene& scene);
+  Status take_bodies(const Scene& scene);
+  Result<Pairs> pairs_of(const std::shared_ptr<const ToolIndex>& shape) const;
+  ContactResult measure(std::size_t thread, const Scene& scene, std::size_t tool, const Pose& X_WT,
                         const ContactWants& wants) const;
-  void measure_pose(Worker& worker, const Scene& scene, const ScenePoses& poses, std::size_t pose,
-                    const SceneAnswers& answers) const;
+  void measure_pose(std::size_t thread, const Scene& scene, const ScenePoses& poses,
+                    std::size_t pose, const SceneAnswers& answers) const;
+  Status measure_at_once(const Scene& scene, const ScenePoses& poses, const SceneAnswers& answers);
+  Status measure_contact(const Scene& scene, const ScenePoses& poses, const SceneAnswers& answers);
 };
 
-/// Takes surfaces and, if contact is wanted, bodies of a scene; those of the last one are kept
-/// where they are the same.
-Status SceneContact::Impl::take(const Scene& scene, bool wants_contact) {
+/// Takes the surfaces of a scene.
+Status SceneContact::Impl::take(const Scene& scene) {
   if (const Status status = check_scene(scene, method, place); !status) return status;
   surfaces.clear();
   cameras.clear();
@@ -90,39 +95,31 @@ Status SceneContact::Impl::take(const Scene& scene, bool wants_contact) {
     surfaces.push_back(with_policy(surface, scene));
     cameras.push_back({surfaces.back(), surfaces.back(), 1});
   }
-  if (!wants_contact) return Done{};
-  shape_of_body.clear();
-  bool has_new_shape = false;
-  for (const Body& body : scene.bodies) {
-    const auto& shape = body.placed().shape;
-    const auto found = std::find(shapes.begin(), shapes.end(), shape);
-    shape_of_body.push_back(static_cast<std::size_t>(found - shapes.begin()));
-    if (found != shapes.end()) continue;
-    shapes.push_back(shape);
-    has_new_shape = true;
-  }
-  if (!has_new_shape) return Done{};
-  const Status status = make_pairs();
-  if (!status) shapes.clear();
-  return status;
-}
-
-Status SceneContact::Impl::make_pairs() {
-  for (Worker& worker : workers) {
-    worker.pairs.clear();
-    for (const auto& tool : tools) {
-      auto& of_tool = worker.pairs.emplace_back();
-      for (const auto& shape : shapes) {
-        auto made = makers.pair(tool, shape, {best_isa(), nullptr, place.gpu});
-        if (!made) return made.error();
-        of_tool.push_back(*std::move(made));
-      }
-    }
-  }
   return Done{};
 }
 
-ContactResult SceneContact::Impl::measure(Worker& worker, const Scene& scene, std::size_t tool,
+/// Makes the queries of its bodies; those of the last scene are kept where they are the same.
+Status SceneContact::Impl::take_bodies(const Scene& scene) {
+  return pairs.take(
+      scene.bodies.size(),
+      [&](std::size_t b) -> const auto& { return scene.bodies[b].placed().shape; },
+      [this](const auto& shape) { return pairs_of(shape); });
+}
+
+Result<SceneContact::Impl::Pairs> SceneContact::Impl::pairs_of(
+    const std::shared_ptr<const ToolIndex>& shape) const {
+  Pairs made(workers.size());
+  for (auto& of_worker : made) {
+    for (const auto& tool : tools) {
+      auto pair = makers.pair(tool, shape, {best_isa(), nullptr, place.gpu});
+      if (!pair) return pair.error();
+      of_worker.push_back(*std::move(pair));
+    }
+  }
+  return made;
+}
+
+ContactResult SceneContact::Impl::measure(std::size_t thread, const Scene& scene, std::size_t tool,
                                           const Pose& X_WT, const ContactWants& wants) const {
   ContactResult result;
   if (cameras.empty()) {
@@ -130,41 +127,91 @@ ContactResult SceneContact::Impl::measure(Worker& worker, const Scene& scene, st
     if (wants.noise) result.noise.emplace();  // bodies have none
     if (!is_finite(X_WT)) result.penetration.status = StepStatus::non_finite_pose;
   } else {
-    result = worker.queries[tool]->measure(cameras, X_WT, wants);
+    result = workers[thread].queries[tool]->measure(cameras, X_WT, wants);
   }
   if (result.penetration.status.is_unmeasured()) return result;
   const Pose X{X_WT.translation, normalized(X_WT.rotation)};
   for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
-    const BodyPenetration with = worker.pairs[tool][shape_of_body[b]]->measure(
-        X, scene.bodies[b].placed().X_WB, wants.stiffness);
+    const BodyPenetration with =
+        pairs.of_body(b)[thread][tool]->measure(X, scene.bodies[b].placed().X_WB, wants.stiffness);
     add(with.on_a, with.stiffness_a, result);
   }
   return result;
 }
 
-void SceneContact::Impl::measure_pose(Worker& worker, const Scene& scene, const ScenePoses& poses,
-                                      std::size_t pose, const SceneAnswers& answers) const {
+void SceneContact::Impl::measure_pose(std::size_t thread, const Scene& scene,
+                                      const ScenePoses& poses, std::size_t pose,
+                                      const SceneAnswers& answers) const {
+  SpherePicture& picture = workers[thread].picture;
   const Pose& X_WT = poses.X_WT[pose];
   const std::size_t tool = tool_of(poses, pose);
   ContactWants wants;
   if (answers.max_spheres > 0) {
-    worker.picture.resize(tools[tool]->tool().spheres().size());
-    std::ranges::fill(worker.picture.states, SphereState::outside);
-    std::ranges::fill(worker.picture.deciders, kNoCamera);
-    wants = worker.picture.wants();
+    picture.resize(tools[tool]->tool().spheres().size());
+    std::ranges::fill(picture.states, SphereState::outside);
+    std::ranges::fill(picture.deciders, kNoCamera);
+    wants = picture.wants();
   }
   wants.stiffness = answers.contact.stiffness != nullptr;
   wants.noise = answers.contact.want_noise();
   wants.unseen_volume = answers.unseen != nullptr;
-  const ContactResult result = measure(worker, scene, tool, X_WT, wants);
+  const ContactResult result = measure(thread, scene, tool, X_WT, wants);
   put_answers(pose, result, answers.contact);
   if (answers.unseen != nullptr) {
     answers.unseen[pose] = result.penetration.unseen_volume / full_volumes[tool];
   }
   if (answers.group_volume != nullptr) answers.contact.volume[pose] = result.penetration.volume;
   if (answers.max_spheres > 0) {
-    put_spheres(pose, worker.picture, tools[tool]->tool().spheres(), X_WT, answers);
+    put_spheres(pose, picture, tools[tool]->tool().spheres(), X_WT, answers);
   }
+}
+
+/// Measures all poses on a GPU in one launch, but no spheres.
+Status SceneContact::Impl::measure_at_once(const Scene& scene, const ScenePoses& poses,
+                                           const SceneAnswers& answers) {
+  std::vector<PlacedBody> bodies;
+  for (const Body& body : scene.bodies) bodies.push_back(body.placed());
+  const SceneBatchPoses of{.X_WT = poses.X_WT, .tool_of_pose = poses.tool_of_pose};
+  std::vector<SurfaceView> shown = surfaces;
+  if (shown.size() == 1 && shown[0].role == SurfaceRole::one_of_several) {
+    // Its own field counts by itself; what it does not see is known by the hull.
+    if (answers.unseen != nullptr) {
+      if (const Status s = scenes->take(shown, {}); !s) return s;
+      if (const Status s = scenes->measure(of, {}, answers.unseen); !s) return s;
+    }
+    shown[0].role = has_in_front(shown[0]) ? SurfaceRole::with_memory : SurfaceRole::frame;
+    shown[0].seen_free = {};
+  }
+  if (const Status s = scenes->take(shown, bodies); !s) return s;
+  double* const unseen = shown.size() == 1 ? nullptr : answers.unseen;
+  if (const Status s = scenes->measure(of, answers.contact, unseen); !s) return s;
+  for (std::size_t i = 0; answers.unseen != nullptr && i < poses.X_WT.size(); ++i) {
+    answers.unseen[i] /= full_volumes[tool_of(poses, i)];
+  }
+  return Done{};
+}
+
+Status SceneContact::Impl::measure_contact(const Scene& scene, const ScenePoses& poses,
+                                           const SceneAnswers& answers) {
+  const BatchAnswers& contact = answers.contact;
+  const bool has_spheres = answers.max_spheres > 0;
+  if (batches != nullptr && surfaces.size() == 1 && surfaces[0].role == SurfaceRole::frame &&
+      scene.bodies.empty() && answers.unseen == nullptr && !has_spheres) {
+    PoseBatch batch{poses.X_WT};
+    if (!(surfaces[0].X_WC == Pose{})) batch.X_WC = {&surfaces[0].X_WC, 1};
+    return batches->measure(surfaces[0], batch, contact);
+  }
+  SceneAnswers one_by_one = answers;
+  if (scenes != nullptr && !contact.want_noise() && is_for_batch(surfaces)) {
+    if (const Status s = measure_at_once(scene, poses, answers); !s || !has_spheres) return s;
+    one_by_one.contact = {};
+    one_by_one.unseen = one_by_one.group_volume = nullptr;
+  }
+  if (const Status s = take_bodies(scene); !s) return s;
+  for_poses(*pool, poses.X_WT.size(), [&](std::size_t thread, std::size_t i) {
+    measure_pose(thread, scene, poses, i, one_by_one);
+  });
+  return Done{};
 }
 
 SceneContact::SceneContact(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -203,6 +250,11 @@ Result<SceneContact> SceneContactMaker::make(std::span<const Tool* const> tools,
     auto clearances = makers.clearance(impl->tools, execution);
     if (!clearances) return clearances.error();
     impl->clearances = *std::move(clearances);
+    if (makers.scenes != nullptr) {
+      auto scenes = makers.scenes(impl->tools, field->volumes, place.gpu);
+      if (!scenes) return scenes.error();
+      impl->scenes = *std::move(scenes);
+    }
     if (tools.size() == 1) {
       auto batches = makers.batch(impl->tools[0], *field, execution);
       if (!batches) return batches.error();
@@ -231,12 +283,12 @@ ContactResult SceneContact::measure(const Scene& scene, const Pose& X_WT,
   if (scene.surfaces.size() == 1 && scene.bodies.empty() && !scene.unseen) {
     return impl.workers[0].queries[0]->measure(scene.surfaces[0], X_WT, wants);
   }
-  if (!impl.take(scene, true)) {
+  if (!impl.take(scene) || !impl.take_bodies(scene)) {
     ContactResult result;
     result.penetration.status = StepStatus::no_surface;
     return result;
   }
-  return impl.measure(impl.workers[0], scene, 0, X_WT, wants);
+  return impl.measure(0, scene, 0, X_WT, wants);
 }
 
 Status SceneContact::measure(const Scene& scene, const ScenePoses& poses,
@@ -268,25 +320,13 @@ Status SceneContact::measure(const Scene& scene, const ScenePoses& poses,
   const bool wants_contact = contact.volume || contact.potential || contact.force ||
                              contact.torque || contact.stiffness || contact.status ||
                              contact.want_noise() || answers.unseen || answers.max_spheres > 0;
-  if (const Status status = impl.take(scene, wants_contact); !status) return status;
-  const std::size_t num = poses.X_WT.size();
-  const bool is_plain = impl.batches != nullptr && impl.surfaces.size() == 1 &&
-                        impl.surfaces[0].role == SurfaceRole::frame && scene.bodies.empty() &&
-                        answers.unseen == nullptr && answers.max_spheres == 0;
-  if (wants_contact && is_plain) {
-    const SurfaceView& surface = impl.surfaces[0];
-    PoseBatch batch{poses.X_WT};
-    if (!(surface.X_WC == Pose{})) batch.X_WC = {&surface.X_WC, 1};
-    const Status status = impl.batches->measure(surface, batch, contact);
-    if (!status) return status;
-  } else if (wants_contact) {
-    for_poses(*impl.pool, num, [&](std::size_t thread, std::size_t i) {
-      impl.measure_pose(impl.workers[thread], scene, poses, i, answers);
-    });
+  if (const Status status = impl.take(scene); !status) return status;
+  if (wants_contact) {
+    if (const Status s = impl.measure_contact(scene, poses, answers); !s) return s;
   }
   if (!wants_clearance) return Done{};
   if (const Status s = impl.clearances->take(impl.surfaces, scene.bodies); !s) return s;
-  for (std::size_t i = 0; i < num; ++i) {
+  for (std::size_t i = 0; i < poses.X_WT.size(); ++i) {
     if (is_finite(poses.X_WT[i])) continue;
     put_clearance(i, {}, answers);
     if (contact.status != nullptr) {
@@ -308,7 +348,7 @@ Status SceneContact::any(const Scene& scene, const ScenePoses& poses, double mar
   if (!std::isfinite(margin)) {
     return Error{Errc::invalid_argument, "the margin is not a number; give it in m"};
   }
-  if (const Status status = impl.take(scene, false); !status) return status;
+  if (const Status status = impl.take(scene); !status) return status;
   if (const Status s = impl.clearances->take(impl.surfaces, scene.bodies); !s) return s;
   return impl.clearances->any(poses, margin, hits);
 }

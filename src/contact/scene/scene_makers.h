@@ -9,6 +9,7 @@
 #include "palpate/contact/scene.h"
 #include "src/contact/backends.h"
 #include "src/contact/batch/field_batch_cuda.h"
+#include "src/contact/batch/scene_batch.h"
 #include "src/contact/clearance/clearance_batch.h"
 
 namespace palpate { inline namespace v0 {
@@ -22,6 +23,8 @@ struct SceneMakers {
   Result<std::unique_ptr<BodyPairQuery>> (*pair)(Index, Index, const ExecutionOptions&);
   Result<std::unique_ptr<ClearanceBatch>> (*clearance)(std::span<const Index>,
                                                        const ExecutionOptions&);
+  /// Null: poses are measured one by one.
+  Result<std::unique_ptr<SceneBatch>> (*scenes)(std::span<const Index>, SphereVolumes, int gpu);
 };
 
 /// Returns the makers of a GPU.
@@ -34,7 +37,7 @@ inline SceneMakers cuda_makers() {
       [](SceneMakers::Index a, SceneMakers::Index b, const ExecutionOptions& execution) {
         return make_solid_contact_cuda(std::move(a), std::move(b), execution.gpu);
       },
-      make_clearance_batch_cuda};
+      make_clearance_batch_cuda, make_scene_batch_cuda};
 }
 
 struct SceneContactMaker {

@@ -129,7 +129,9 @@ TEST(BodyBatch, WhatDoesNotFitIsRefusedInOneSentence) {
     ASSERT_FALSE(result);
     EXPECT_NE(result.error().message.find(why), std::string::npos) << result.error().message;
   };
-  refuses(make_body_batch_query(Backend::cuda, bodies.index, bodies.placed), "on the CPU alone");
+  refuses(make_body_batch_query(Backend::cuda, bodies.index, bodies.placed,
+                                {.method = BodyMethod::spheres}),
+          "on the CPU alone");
   refuses(make_body_batch_query(Backend::cpu, bodies.index, {}), "no body");
   refuses(make_body_batch_query(Backend::cpu, bodies.index, {{nullptr, {}}}), "has no shape");
   const auto batch = make_body_batch_query(Backend::cpu, bodies.index, bodies.placed).value();

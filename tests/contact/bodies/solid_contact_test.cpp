@@ -433,8 +433,8 @@ TEST(SolidContact, LeavesOutOnlyWhatIsFree) {
 TEST(SolidContact, TheFinerWayCountsMore) {
   const auto weights = [](const Tool& a, const Tool& b) {
     const SolidPair pair(ToolIndex::create(a), ToolIndex::create(b));
-    EXPECT_NEAR(pair.weight_a + pair.weight_b, 1, 1e-15);
-    return pair.weight_a;
+    EXPECT_NEAR(pair.weights.a + pair.weights.b, 1, 1e-15);
+    return pair.weights.a;
   };
   const Tool cube = packed(make_box({0.1, 0.1, 0.1}), 1000);
   const Tool coarse = packed(make_box({0.1, 0.1, 0.1}), 40);

@@ -95,5 +95,68 @@ TEST(HullRules, DerivativesAreThoseOfTheValues) {
   }
 }
 
+// phi = max(agreed seen free, min(agreed remembered, min in front) - w, min fields - W), rounded.
+TEST(HullRules, TheJoinIsItsFormula) {
+  Random random(82);
+  using Joined = JoinedViews<Space, double, int>;
+  int deciders[4] = {};
+  for (int n = 0; n < 2000; ++n) {
+    const double radius = random.uniform(0.001, 0.02), wide = agreement(radius);
+    const double spread = random.uniform(0, 4) * wide;
+    const auto view = [&] {
+      return Quadric::random(random, spread * random.uniform(-1, 1), 5).at({});
+    };
+    Joined::Agreed seen, known;
+    Joined::Least shown, fields;
+    double most = -1, most_known = -1, least_shown = 1, least_field = 1;
+    int who = 0, who_knows = 0, who_shows = 0;
+    for (int k = 0; k < 3; ++k) {
+      const Space views[] = {view(), view(), view(), view()};
+      seen.add(views[0], k, radius);
+      known.add(views[1], k, radius);
+      shown.add(views[2], k, radius);
+      fields.add(views[3], k, radius);
+      const auto take = [k](double phi, bool is_more, double& value, int& camera) {
+        if (is_more) value = phi, camera = k;
+      };
+      int nobody = 0;
+      take(views[0].first.phi, views[0].first.phi > most, most, who);
+      take(views[1].first.phi, views[1].first.phi > most_known, most_known, who_knows);
+      take(views[2].first.phi, views[2].first.phi < least_shown, least_shown, who_shows);
+      take(views[3].first.phi, views[3].first.phi < least_field, least_field, nobody);
+    }
+    // Rounding lowers the agreed value of three, and changes minimum and maximum of each by less.
+    const double low = free_margin(3, radius), w = hull_width(radius).w;
+    EXPECT_LE(seen.value.first.phi, most + 1e-12);
+    EXPECT_GE(seen.value.first.phi, most - low - 1e-12);
+    EXPECT_EQ(seen.who, who);
+    EXPECT_LE(shown.value.first.phi, least_shown + 1e-12);
+    EXPECT_GE(shown.value.first.phi, least_shown - w);
+    Joined joined;
+    joined.see(seen);
+    EXPECT_EQ(joined.hull.first.phi, seen.value.first.phi);
+    const bool is_unseen = joined.is_unseen();
+    EXPECT_EQ(is_unseen, seen.value.first.phi < -kSeenBehind);
+    const Joined before = joined;
+    joined.remember(known, shown, radius, false);
+    EXPECT_EQ(joined.hull.first.phi, before.hull.first.phi);
+    EXPECT_EQ(joined.decider, who);
+    joined.remember(known, shown, radius, true);
+    const double memory = std::min(known.value.first.phi, shown.value.first.phi) - w;
+    EXPECT_NEAR(joined.hull.first.phi, std::max(before.hull.first.phi, memory), w / 2);
+    EXPECT_EQ(joined.seen_phi, joined.hull.first.phi);
+    const int remembers = known.value.first.phi < shown.value.first.phi ? who_knows : who_shows;
+    if (memory > before.hull.first.phi + w) EXPECT_EQ(joined.decider, remembers);
+    if (memory < before.hull.first.phi - w) EXPECT_EQ(joined.decider, who);
+    const double seen_phi = joined.hull.first.phi, field = fields.value.first.phi - wide;
+    joined.close(fields, radius, true);
+    EXPECT_NEAR(joined.hull.first.phi, std::max(seen_phi, field), w / 2);
+    EXPECT_EQ(joined.seen_phi, seen_phi);
+    if (field > seen_phi + w) EXPECT_EQ(joined.decider, -1);
+    ++deciders[joined.decider + 1];
+  }
+  for (const int num : deciders) EXPECT_GT(num, 10);
+}
+
 }  // namespace
 }  // namespace palpate

@@ -20,7 +20,7 @@ using test::Random;
 /// All answers of P poses.
 struct Answered {
   Answered(std::size_t num, std::size_t num_spheres, std::size_t num_groups)
-      : numbers(num * (1 + 1 + 3 + 3 + 1 + 1 + 6)),
+      : numbers(num * (1 + 1 + 3 + 3 + 36 + 1 + 1 + 6)),
         status(num),
         nearest(num),
         decided(num),
@@ -35,6 +35,7 @@ struct Answered {
                        .potential = take(1),
                        .force = take(3),
                        .torque = take(3),
+                       .stiffness = take(36),
                        .status = status.data()};
     answers.unseen = take(1);
     answers.clearance = take(1);
@@ -79,7 +80,7 @@ struct Compared {
 };
 
 Compared compare(const Both& both, const Scene& scene, const ScenePoses& poses, double volume,
-                 bool has_unseen) {
+                 bool has_unseen, double reach = 0.1) {
   const std::size_t num = poses.X_WT.size(), num_spheres = both.cpu.max_spheres();
   const auto num_groups = static_cast<std::size_t>(poses.num_groups);
   Answered want(num, num_spheres, num_groups), got(num, num_spheres, num_groups);
@@ -93,9 +94,17 @@ Compared compare(const Both& both, const Scene& scene, const ScenePoses& poses, 
     SCOPED_TRACE(i);
     EXPECT_EQ(a.status[i], b.status[i]);
     EXPECT_NEAR(a.volume[i], b.volume[i], 1e-5 * volume);
+    EXPECT_NEAR(a.potential[i], b.potential[i], 1e-5 * volume * reach);
     for (std::size_t k = 3 * i; k < 3 * i + 3; ++k) {
-      EXPECT_NEAR(a.force[k], b.force[k], 5e-5 * volume);
-      EXPECT_NEAR(a.torque[k], b.torque[k], 5e-6 * volume);
+      EXPECT_NEAR(a.force[k], b.force[k], 1e-5 * volume);
+      EXPECT_NEAR(a.torque[k], b.torque[k], 1e-5 * volume * reach);
+    }
+    double largest = 1e-9;
+    for (std::size_t k = 36 * i; k < 36 * i + 36; ++k) {
+      largest = std::max(largest, std::abs(b.stiffness[k]));
+    }
+    for (std::size_t k = 36 * i; k < 36 * i + 36; ++k) {
+      EXPECT_NEAR(a.stiffness[k], b.stiffness[k], 2e-3 * largest);
     }
     if (has_unseen) {
       EXPECT_NEAR(got.answers.unseen[i], want.answers.unseen[i], 0.02);
@@ -164,6 +173,62 @@ TEST(SceneContactCuda, ThreeCamerasAndTwoBodiesAsOnTheCpu) {
   const Scene bodies{.bodies = {scene.bodies[1], scene.bodies[0]}};
   (void)compare(both, bodies, {poses, tool_of_pose, group_of_pose, 12}, tool.sphere_mass().volume,
                 false);
+}
+
+// More cameras than the short kernel has, the same bits in any batch, and no sphere asked for.
+TEST(SceneContactCuda, APoseHasTheSameBitsInAnyBatch) {
+  PALPATE_GPU_OR_SKIP();
+  Random random(35);
+  const HullScene seen = test::rough_scene(5, {}, random);
+  const Tool tool = test::random_tool(60, 0.05, 3);
+  const Tool* const tools[] = {&tool};
+  const Both both(tools);
+  const Scene scene{.surfaces = surfaces_of(seen)};
+  std::vector<Pose> poses;
+  for (int i = 0; i < 8; ++i) {
+    const double x = random.uniform(-0.2, 0.2), y = random.uniform(-0.1, 0.1);
+    poses.push_back({{x, y, random.uniform(1.1, 1.5)}, random.rotation(3)});
+  }
+  std::vector<double> want(8), got(8), alone(8), stiffness(8 * 36);
+  SceneAnswers answers;
+  answers.contact.volume = want.data();
+  ASSERT_TRUE(both.cpu.measure(scene, {poses}, answers));
+  answers.contact.volume = got.data();
+  answers.contact.stiffness = stiffness.data();
+  ASSERT_TRUE(both.gpu.measure(scene, {poses}, answers));
+  int num_touching = 0;
+  for (std::size_t i = 0; i < 8; ++i) {
+    answers.contact.volume = &alone[i];
+    ASSERT_TRUE(both.gpu.measure(scene, {{&poses[i], 1}}, answers));
+    EXPECT_NEAR(got[i], want[i], 1e-5 * tool.sphere_mass().volume);
+    num_touching += want[i] > 0;
+  }
+  EXPECT_EQ(got, alone);
+  EXPECT_GT(num_touching, 2);
+}
+
+TEST(SceneContactCuda, ShapesOfPastScenesAreDropped) {
+  PALPATE_GPU_OR_SKIP();
+  const Tool tool = test::random_tool(10, 0.03, 3);
+  const Tool box =
+      Tool::pack(make_box({0.1, 0.1, 0.1}), {.max_spheres = 5}).value().with_solid_field();
+  const Tool* const tools[] = {&tool};
+  const Both both(tools);
+  const std::vector<Pose> poses{{{0.05, 0, 0}, {}}};
+  double volume = 0, clearance = 0;
+  SceneAnswers answers;
+  answers.contact.volume = &volume;
+  answers.clearance = &clearance;
+  Scene scene{.bodies = {Body(box)}};
+  for (int i = 0; i < 2; ++i) {
+    ASSERT_TRUE(both.gpu.measure(scene, {poses}, answers));
+    EXPECT_GT(volume, 0);
+    EXPECT_LT(clearance, 0);
+    const std::weak_ptr<const ToolIndex> last = scene.bodies[0].placed().shape;
+    scene.bodies = {Body(box)};
+    ASSERT_TRUE(both.gpu.measure(scene, {poses}, answers));
+    EXPECT_TRUE(last.expired());
+  }
 }
 
 TEST(SceneContactCuda, OneCameraAsOnTheCpu) {

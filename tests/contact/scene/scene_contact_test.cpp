@@ -239,6 +239,37 @@ TEST(SceneContact, SumsCamerasAndBodies) {
   EXPECT_EQ(one.penetration.volume, first.volume[0]);
 }
 
+TEST(SceneContact, ShapesOfPastScenesAreDropped) {
+  const Tool tool = small_ball(0.01);
+  const Tool box =
+      Tool::pack(make_box({0.1, 0.1, 0.1}), {.max_spheres = 5}).value().with_solid_field();
+  const SceneContact contact = contact_of(tool);
+  const std::vector<Pose> poses{{{0.05, 0, 0}, {}}};
+  Answered first(1), got(1);
+  Scene scene{.bodies = {Body(box)}};
+  ASSERT_TRUE(contact.measure(scene, {poses}, first.answers));
+  for (int i = 0; i < 3; ++i) {
+    const std::weak_ptr<const ToolIndex> last = scene.bodies[0].placed().shape;
+    scene.bodies = {Body(box), Body(box)};
+    scene.bodies[1] = scene.bodies[1].at({{1, 0, 0}, {}});
+    ASSERT_TRUE(contact.measure(scene, {poses}, got.answers));
+    EXPECT_TRUE(last.expired());
+    EXPECT_EQ(got.volume, first.volume);
+    // The same shapes in another order, and fewer of them.
+    const std::weak_ptr<const ToolIndex> kept = scene.bodies[0].placed().shape;
+    const std::weak_ptr<const ToolIndex> dropped = scene.bodies[1].placed().shape;
+    std::swap(scene.bodies[0], scene.bodies[1]);
+    ASSERT_TRUE(contact.measure(scene, {poses}, got.answers));
+    EXPECT_EQ(got.volume, first.volume);
+    scene.bodies.erase(scene.bodies.begin());
+    ASSERT_TRUE(contact.measure(scene, {poses}, got.answers));
+    EXPECT_EQ(got.volume, first.volume);
+    EXPECT_TRUE(dropped.expired());
+    EXPECT_FALSE(kept.expired());
+  }
+  EXPECT_GT(first.volume[0], 0);
+}
+
 TEST(SceneContact, ToolsAndGroups) {
   const BallAndWall seen;
   const Scene scene{.surfaces = {seen.surface}};

@@ -1,0 +1,221 @@
+#include <algorithm>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "src/contact/batch/scene_batch.h"
+#include "src/contact/batch/scene_kernel.cuh"
+#include "src/contact/batch/staged_answers.h"
+#include "src/contact/bodies/shapes_of_scene.h"
+#include "src/contact/hull/hull_cameras.cuh"
+
+namespace palpate { inline namespace v0 {
+namespace {
+
+constexpr std::size_t kMaxAtOnce = 1 << 15;  // poses on the GPU
+
+// A shape with each tool.
+struct PairsOnGpu {
+  std::optional<gpu::Memory> memory;
+  std::vector<ScenePair> pairs;
+};
+
+class SceneBatchCuda final : public SceneBatch {
+ public:
+  SceneBatchCuda(std::span<const std::shared_ptr<const ToolIndex>> tools, SphereVolumes volumes,
+                 int gpu)
+      : gpu_(gpu),
+        tools_(tools.begin(), tools.end()),
+        memory_(gpu),
+        stream_(gpu, gpu::Priority::low),
+        cameras_(gpu),
+        of_scene_(gpu),
+        staged_(gpu) {
+    std::vector<SceneTool> made;
+    for (const auto& index : tools_) {
+      made.push_back({make_field_tool(*index, volumes, memory_).elements,
+                      index->tool().sphere_mass().center_of_mass});
+    }
+    on_gpu_ = memory_.copy_of(made);
+    allow_shared_bytes<kFewCameras>();
+    allow_shared_bytes<kMaxCameras>();
+  }
+
+  const Status& status() const { return memory_.status() ? stream_.status() : memory_.status(); }
+
+  Status take(std::span<const SurfaceView> surfaces, std::span<const PlacedBody> bodies) override {
+    surfaces_.assign(surfaces.begin(), surfaces.end());
+    blends_.clear();
+    for (const SurfaceView& surface : surfaces_) blends_.push_back({surface, surface, 1});
+    (void)cameras_.take(blends_, {}, {}, 0, stream_);
+    const Status status = shapes_.take(
+        bodies.size(), [&](std::size_t b) -> const auto& { return bodies[b].shape; },
+        [this](const auto& shape) { return pairs_of(shape); });
+    if (!status) return status;
+    std::vector<ScenePair> pairs;
+    for (std::size_t shape = 0; shape < shapes_.size(); ++shape) {
+      const auto& of_shape = shapes_.of_shape(shape).pairs;
+      pairs.insert(pairs.end(), of_shape.begin(), of_shape.end());
+    }
+    std::vector<SceneBody> placed;
+    for (std::size_t b = 0; b < bodies.size(); ++b) {
+      placed.push_back({static_cast<std::int32_t>(shapes_.shape_of_body(b)),
+                        is_finite(bodies[b].X_WB), bodies[b].X_WB});
+    }
+    gpu::Memory memory(gpu_);
+    pairs_ = memory.copy_of(pairs);
+    bodies_ = memory.copy_of(placed);
+    num_bodies_ = static_cast<std::int32_t>(placed.size());
+    if (!memory.status()) return memory.status();
+    of_scene_ = std::move(memory);
+    return stream_.wait();
+  }
+
+  Status measure(const SceneBatchPoses& poses, const BatchAnswers& answers,
+                 double* unseen) override {
+    if (poses.X_WT.empty()) return Done{};
+    if (cameras_.num() <= kFewCameras) return measure<kFewCameras>(poses, answers, unseen);
+    return measure<kMaxCameras>(poses, answers, unseen);
+  }
+
+ private:
+  template <int kMaxViews>
+  void allow_shared_bytes() const {
+    for_kernels<kMaxViews>([this](auto* kernel, std::size_t bytes) {
+      (void)gpu::resident_blocks(gpu_, reinterpret_cast<const void*>(kernel), kHullThreads, bytes);
+    });
+  }
+  template <int kMaxViews, class F>
+  static void for_kernels(const F& f) {
+    f(&measure_scene<kMaxViews, Gradient>, sizeof(SceneScratch<kMaxViews, Gradient>));
+    f(&measure_scene<kMaxViews, Curvature>, sizeof(SceneScratch<kMaxViews, Curvature>));
+  }
+
+  Result<PairsOnGpu> pairs_of(const std::shared_ptr<const ToolIndex>& shape) const {
+    PairsOnGpu made;
+    gpu::Memory& memory = made.memory.emplace(gpu_);
+    for (const auto& tool : tools_) {
+      const SolidPair pair(tool, shape);
+      made.pairs.push_back({way_on_gpu(*pair.elements_a, pair.sampling_a, *pair.field_b, memory),
+                            way_on_gpu(*pair.elements_b, pair.sampling_b, *pair.field_a, memory),
+                            pair.weights, pair.field_a->layout().origin,
+                            pair.field_b->layout().origin});
+    }
+    if (!memory.status()) return memory.status().error();
+    return made;
+  }
+
+  template <int kMaxViews>
+  Status measure(const SceneBatchPoses& poses, const BatchAnswers& answers, double* unseen) {
+    const std::size_t num = poses.X_WT.size();
+    if (const Status status = staged_.grow(std::min(num, kMaxAtOnce)); !status) return status;
+    SceneJob<kMaxViews> job;
+    job.query = cameras_.query<kMaxViews>();
+    for (int k = 0; k < job.query.num_cameras; ++k) {
+      job.X_WC[k] = surfaces_[static_cast<std::size_t>(job.query.eyes[k].number)].X_WC;
+    }
+    job.tools = on_gpu_;
+    job.num_tools = static_cast<std::int32_t>(tools_.size());
+    job.pairs = pairs_;
+    job.bodies = bodies_;
+    job.num_bodies = num_bodies_;
+    job.has_one_body_each = poses.has_one_body_each;
+    const bool with_stiffness = answers.stiffness != nullptr;
+    for (std::size_t first = 0; first < num; first += kMaxAtOnce) {
+      const std::size_t size = std::min(kMaxAtOnce, num - first);
+      job.first_pose = static_cast<std::int32_t>(first);
+      job.X_WT = staged_.given(stream_, staged_.X_WT, poses.X_WT, first, size);
+      job.tool_of_pose = staged_.given(stream_, staged_.tool, poses.tool_of_pose, first, size);
+      job.body_of_pose = staged_.given(stream_, staged_.body, poses.body_of_pose, first, size);
+      const bool is_staged = answers.gpu != gpu_;
+      for_answers(answers, staged_.answers, job.out,
+                  [&](auto* desired, auto* staged, std::size_t each, auto*& to) {
+                    to = desired == nullptr ? nullptr : is_staged ? staged : desired + each * first;
+                  });
+      job.unseen = unseen != nullptr ? staged_.unseen : nullptr;
+      const auto launch = [&](auto* kernel, std::size_t bytes) {
+        gpu::launch(
+            stream_,
+            {.blocks = static_cast<int>(size), .threads = kHullThreads, .shared_bytes = bytes},
+            kernel, job);
+      };
+      if (with_stiffness) {
+        launch(&measure_scene<kMaxViews, Curvature>, sizeof(SceneScratch<kMaxViews, Curvature>));
+      } else {
+        launch(&measure_scene<kMaxViews, Gradient>, sizeof(SceneScratch<kMaxViews, Gradient>));
+      }
+      if (is_staged) copy_answers(answers, staged_.answers, first, size, stream_);
+      if (unseen != nullptr) stream_.copy(unseen + first, staged_.unseen, size * sizeof(double));
+    }
+    // Far more time than it takes.
+    return stream_.wait(60);
+  }
+
+  int gpu_;
+  std::vector<std::shared_ptr<const ToolIndex>> tools_;
+  gpu::Memory memory_;
+  gpu::Stream stream_;
+  const SceneTool* on_gpu_ = nullptr;
+  std::vector<SurfaceView> surfaces_;
+  std::vector<SurfaceBlend> blends_;
+  HullCameras cameras_;
+  ShapesOfScene<PairsOnGpu> shapes_;
+  gpu::Memory of_scene_;
+  const ScenePair* pairs_ = nullptr;
+  const SceneBody* bodies_ = nullptr;
+  std::int32_t num_bodies_ = 0;
+  StagedPoses staged_;
+};
+
+Error refused(const std::string& message) { return {Errc::invalid_argument, message}; }
+
+class BodyBatchCuda final : public BodyBatchQuery {
+ public:
+  BodyBatchCuda(std::unique_ptr<SceneBatch> scenes, std::size_t num_bodies, int gpu)
+      : scenes_(std::move(scenes)), num_bodies_(num_bodies), gpu_(gpu) {}
+
+  Status measure(std::span<const Pose> X_WT, std::span<const std::int32_t> body_of_pose,
+                 const BatchAnswers& answers) const override {
+    if (const Status s = check_body_batch(X_WT.size(), body_of_pose.size(), num_bodies_); !s) {
+      return s;
+    }
+    if (answers.gpu != kHostMemory && answers.gpu != gpu_) {
+      return refused("an array for answers in the memory of GPU " + std::to_string(answers.gpu) +
+                     " was given to a batch on GPU " + std::to_string(gpu_) +
+                     "; take one there, or in host memory");
+    }
+    if (answers.want_noise()) {
+      return Error{Errc::unavailable,
+                   "standard deviations are computed on a CPU: make the query with Backend::cpu, "
+                   "or leave out volume_std, force_std and torque_std"};
+    }
+    return scenes_->measure({.X_WT = X_WT, .has_one_body_each = true, .body_of_pose = body_of_pose},
+                            answers, nullptr);
+  }
+
+ private:
+  std::unique_ptr<SceneBatch> scenes_;
+  std::size_t num_bodies_;
+  int gpu_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<SceneBatch>> make_scene_batch_cuda(
+    std::span<const std::shared_ptr<const ToolIndex>> tools, SphereVolumes volumes, int gpu) {
+  if (const Status status = gpu::check_gpu(gpu); !status) return status.error();
+  auto batch = std::make_unique<SceneBatchCuda>(tools, volumes, gpu);
+  if (const Status status = batch->status(); !status) return status.error();
+  return std::unique_ptr<SceneBatch>(std::move(batch));
+}
+
+Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query_cuda(
+    const std::shared_ptr<const ToolIndex>& tool, const std::vector<PlacedBody>& bodies, int gpu) {
+  auto made = make_scene_batch_cuda({&tool, 1}, SphereVolumes::represented, gpu);
+  if (!made) return made.error();
+  if (const Status status = (*made)->take({}, bodies); !status) return status.error();
+  return std::unique_ptr<BodyBatchQuery>(
+      std::make_unique<BodyBatchCuda>(*std::move(made), bodies.size(), gpu));
+}
+
+}}  // namespace palpate::v0
