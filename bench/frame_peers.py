@@ -47,6 +47,13 @@ def on_host(array):
     return np.asarray(array) if array.__dlpack_device__()[0] == 1 else library("cuda").from_dlpack(array).get()
 
 
+def for_warp(array):
+    """Returns an array of NumPy or CuPy as one of Warp, in its memory."""
+    import warp as wp
+
+    return wp.from_dlpack(array)
+
+
 def batches(poses, device):
     """Yields groups of poses that are asked at once: all; on a GPU a batch, moved a little from one to the next, then each alone."""
     if device == "cpu":
@@ -163,7 +170,7 @@ def image_peers(tool, depth, camera, points, poses, device, window=Window()):
             for shares, forces, times, num in launched(projective, [image, lens, slanted], tool, poses, device):
                 yield name, shares, forces, times, frame, f"batch={num}"
         for voxel in (0.005, 0.01, 0.02):
-            grid, frame = timed(lambda: ready(lambda: wp.array(signed_distances(filtered, camera, voxel, window, device), dtype=float)),
+            grid, frame = timed(lambda: ready(lambda: for_warp(signed_distances(filtered, camera, voxel, window, device))),
                                 1 if device == "cpu" else 5, device)
             low = wp.vec3(*(window.low(axis) for axis in range(3)))
             for shares, forces, times, num in launched(trilinear, [grid, low, voxel], tool, poses, device):

@@ -6,7 +6,7 @@ on a GPU it is a CUDA graph, as both advise. Its force is depth times normal, su
 from importlib.metadata import version
 
 import numpy as np
-from frame_peers import Window, batches, height_field_model, heights
+from frame_peers import Window, batches, for_warp, height_field_model, heights
 from peer_rows import timed
 
 
@@ -57,7 +57,7 @@ def mujoco_warp_height_field(points, poses, shape, device, window=Window(), cell
             there, data = mujoco_warp.put_model(model), mujoco_warp.make_data(model, nworld=num, nconmax=8, njmax=8)
 
             def rewrite():
-                there.hfield_data.assign(heights(points, cell, window, device).flatten())
+                there.hfield_data.assign(for_warp(heights(points, cell, window, device).flatten()))
                 wp.synchronize()
 
             rewrite()
@@ -110,7 +110,7 @@ def newton_height_field(points, poses, shape, device, window=Window(), cell=0.01
         state, contacts = model.state(), pipeline.contacts()
         with wp.ScopedDevice(device):
             def rewrite():
-                model.heightfield_elevations.assign(elevations().flatten())
+                model.heightfield_elevations.assign(for_warp(elevations().flatten()))
                 wp.synchronize()
 
             rewrite()
