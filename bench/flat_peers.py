@@ -120,8 +120,9 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("data", type=Path)
     parser.add_argument("file")
-    parser.add_argument("--peers", default="palpate,image,warp,coal,field,drake")
+    parser.add_argument("--peers", default="palpate,image,warp,field,coal,drake")
     parser.add_argument("--places", type=int, default=12, help="at most in a frame")
+    parser.add_argument("--balls", default="60,20", help="mm across")
     given = parser.parse_args()
     places = list(flat_places(given.data, given.places))
     filtered = {}
@@ -129,7 +130,7 @@ def main():
         if file not in filtered:
             filtered[file] = np.asarray(palpate.Sensor(camera).update(image).points, float)
     rows, is_whole = [], True
-    for radius in (0.03, 0.01):
+    for radius in (0.0005 * float(size) for size in given.balls.split(",")):
         tool = palpate.pack(*ball(radius), SPHERES)
         cap = DEPTH**2 * (3 * radius - DEPTH) / (4 * radius**3)  # of a ball of volume 1
 
