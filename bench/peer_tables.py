@@ -94,10 +94,11 @@ def peers_on_gpu():
 
 def flat_places():
     rows, lines = rows_of("flat-peers-2-cores.csv"), []
+    balls = sorted({row["ball_mm"] for row in rows}, key=int, reverse=True)
     for peer in dict.fromkeys(row["peer"] for row in rows):
-        both = [row for ball in ("60", "20") for row in rows if row["peer"] == peer and row["ball_mm"] == ball]
+        both = [row for ball in balls for row in rows if row["peer"] == peer and row["ball_mm"] == ball]
         label = next((label for name, _, label, _ in PEERS if name == peer), peer)
-        if peer == "palpate measure_batch" or len(both) != 2:
+        if peer.startswith("palpate measure_batch") or len(both) != len(balls):
             continue
         if peer.startswith("distance grid"):
             label = f"distance grid, {peer.split()[2]} mm"
@@ -105,7 +106,7 @@ def flat_places():
         lines.append([label.replace("the same, with cosine", "look-up in the image, with cosine"), both[0]["places"],
                       f"{values('direction_median_deg')} ({values('direction_rms_deg')})", values("volume_rms_percent"),
                       values("ripple_percent"), f"{values('sideways_percent')} ({values('sideways_p90_percent')})"])
-    head = ["", "places", "direction, °: median (rms)", "volume, %", "ripple in sliding, %", "false sideways force, %: median (90th percentile)"]
+    head = [" / ".join(f"{ball} mm" for ball in balls), "places", "direction, °: median (rms)", "volume, %", "ripple in sliding, %", "false sideways force, %: median (90th percentile)"]
     return table(head, lines) if lines else "No rows are there yet: `bench/flat_peers.py` writes them."
 
 
