@@ -1,16 +1,68 @@
-"""Peers of contact_peers.py beside meshes: look-ups in the image, distance grids, height fields, an octree, yes or no.
+"""Peers of contact_peers.py beside meshes: look-ups in the image, distance grids, a height field, an octree, yes or no.
 
-Each peer is a generator of (name, shares or None, forces or None, s per pose, s per frame, facts), like those there."""
+Each peer is a generator of (name, shares or None, forces or None, s per pose, s per frame, facts), like those there. On a GPU
+it answers a batch first, then each pose alone. A tool of others is a box by its sides or a ball by its radius, m."""
 
-import time
+from dataclasses import dataclass
 from importlib.metadata import version
 
 import numpy as np
 from contact_truth import rotation
+from peer_rows import clock, timed
 
-HALF = 0.25           # m: the window around the axis, as the meshes have it
-DEEP = (0.7, 1.4)     # m: what grids and height fields hold in depth
 SURE = 0.02           # m: how far the look-up takes neighbors for the same surface
+BATCH = 16384         # poses of a batch on a GPU
+
+
+@dataclass
+class Window:
+    """The part of the room that meshes, grids and height fields hold, m in the camera's frame: middle and half of its sides."""
+
+    middle: tuple = (0.0, 0.0, 1.05)
+    half: tuple = (0.25, 0.25, 0.35)
+
+    def low(self, axis):
+        return self.middle[axis] - self.half[axis]
+
+    def high(self, axis):
+        return self.middle[axis] + self.half[axis]
+
+    def has(self, points):
+        """Returns which points are inside, seen from the camera; nearer ones too."""
+        across = (abs(points[..., :2] - np.array(self.middle[:2])) < np.array(self.half[:2])).all(axis=-1)
+        return np.isfinite(points).all(axis=-1) & across & (points[..., 2] < self.high(2))
+
+
+def library(device):
+    """Returns NumPy, or CuPy on a GPU: the same functions."""
+    if device == "cpu":
+        return np
+    import cupy
+
+    return cupy
+
+
+def on_host(array):
+    """Returns an array of NumPy of one in any memory."""
+    return np.asarray(array) if array.__dlpack_device__()[0] == 1 else library("cuda").from_dlpack(array).get()
+
+
+def for_warp(array):
+    """Returns an array of NumPy or CuPy as one of Warp, in its memory."""
+    import warp as wp
+
+    return wp.from_dlpack(array)
+
+
+def batches(poses, device):
+    """Yields groups of poses that are asked at once: all; on a GPU a batch, moved a little from one to the next, then each alone."""
+    if device == "cpu":
+        yield [poses]
+        return
+    many = np.resize(poses, (BATCH, 7))
+    many[len(poses):, :2] += np.random.default_rng(5).uniform(-0.002, 0.002, (BATCH - len(poses), 2))
+    yield [many]
+    yield poses[:, None]
 
 
 def warp_kernels(wp):
@@ -68,26 +120,34 @@ def warp_kernels(wp):
 _kernels = None
 
 
-def launched(kernel, inputs, tool, poses, device, batch):
-    """Shares, forces and s per pose of a kernel: the median of five batches, after one."""
+def launched(kernel, inputs, tool, poses, device):
+    """Yields shares, forces, s per pose and how many poses were asked at once, of a kernel that sums over spheres."""
     import warp as wp
 
     spheres = np.asarray(tool.spheres)
     whole = 4 / 3 * np.pi * (spheres[:, 3].astype(float) ** 3).sum()
-    many = poses if device == "cpu" else np.resize(poses, (batch, 7))
-    asked = [wp.array(spheres, dtype=wp.vec4), wp.array(many.astype(np.float32), dtype=wp.transform)]
-    volumes, forces, times = wp.zeros(len(many), dtype=float), wp.zeros(len(many), dtype=wp.vec3), []
-    for _ in range(6):
-        volumes.zero_()
-        forces.zero_()
-        begin = time.process_time()
-        wp.launch(kernel, dim=(len(many), len(spheres)), inputs=[*inputs, *asked], outputs=[volumes, forces])
-        wp.synchronize()
-        times.append(time.process_time() - begin)
-    return (volumes.numpy()[:len(poses)] / whole, forces.numpy()[:len(poses)] / whole, np.array(times[1:]) / len(many))
+    balls = wp.array(spheres, dtype=wp.vec4)
+    for groups in batches(poses, device):
+        num, repeats, times, shares, sums = len(groups[0]), 6 if len(groups) == 1 else 2, [], [], []
+        where = wp.zeros(num, dtype=wp.transform)
+        volumes, forces = wp.zeros(num, dtype=float), wp.zeros(num, dtype=wp.vec3)
+
+        def ask():
+            volumes.zero_()
+            forces.zero_()
+            wp.launch(kernel, dim=(num, len(spheres)), inputs=[*inputs, balls, where], outputs=[volumes, forces])
+            wp.synchronize()
+
+        for group in groups:
+            where.assign(group.astype(np.float32))
+            wp.synchronize()
+            times.extend(timed(ask, repeats, device)[1][1:] / num)  # the first loads the kernel
+            shares.append(volumes.numpy() / whole)
+            sums.append(forces.numpy() / whole)
+        yield np.concatenate(shares)[:len(poses)], np.concatenate(sums)[:len(poses)], np.array(times), num
 
 
-def image_peers(tool, depth, camera, points, poses, device, batch):
+def image_peers(tool, depth, camera, points, poses, device, window=Window()):
     """The cheapest of all: the depth behind each center in the image. Then distance grids, made of the filtered points."""
     import warp as wp
 
@@ -97,99 +157,106 @@ def image_peers(tool, depth, camera, points, poses, device, batch):
     _kernels = _kernels or warp_kernels(wp)
     projective, trilinear = _kernels
     filtered = np.nan_to_num(points[..., 2]).astype(np.float32)
+
+    def ready(make):
+        made = make()
+        wp.synchronize()
+        return made
+
     with wp.ScopedDevice(device):
         lens = wp.vec4(camera.fx, camera.fy, camera.cx, camera.cy)
         for name, slanted in (("projective look-up", 0), ("projective look-up, cosine", 1)):
-            begin = time.process_time()
-            image = wp.array(filtered, dtype=float)
-            wp.synchronize()
-            frame = time.process_time() - begin
-            yield (name, *launched(projective, [image, lens, slanted], tool, poses, device, batch), frame, f"batch={len(poses)}")
+            image, frame = timed(lambda: ready(lambda: wp.array(filtered, dtype=float)), device=device)
+            for shares, forces, times, num in launched(projective, [image, lens, slanted], tool, poses, device):
+                yield name, shares, forces, times, frame, f"batch={num}"
         for voxel in (0.005, 0.01, 0.02):
-            begin = time.process_time()
-            distances = signed_distances(filtered, camera, voxel)
-            grid = wp.array(distances, dtype=float)
-            wp.synchronize()
-            frame = time.process_time() - begin
-            low = wp.vec3(-HALF, -HALF, DEEP[0])
-            yield (f"distance grid {1000 * voxel:.0f} mm", *launched(trilinear, [grid, low, voxel], tool, poses, device, batch),
-                   frame, f"voxels={distances.size}")
+            grid, frame = timed(lambda: ready(lambda: for_warp(signed_distances(filtered, camera, voxel, window, device))),
+                                1 if device == "cpu" else 5, device)
+            low = wp.vec3(*(window.low(axis) for axis in range(3)))
+            for shares, forces, times, num in launched(trilinear, [grid, low, voxel], tool, poses, device):
+                yield f"distance grid {1000 * voxel:.0f} mm", shares, forces, times, frame, f"batch={num} voxels={grid.size}"
 
 
-def signed_distances(depth, camera, voxel):
-    """As maps make them: voxels behind the surface are solid; exact Euclidean distances to the others, from SciPy."""
-    from scipy.ndimage import distance_transform_edt
+def signed_distances(depth, camera, voxel, window, device):
+    """As maps make them: voxels behind the surface are solid; exact Euclidean distances to the others, from SciPy or CuPy."""
+    xp = library(device)
+    if device == "cpu":
+        from scipy.ndimage import distance_transform_edt
+    else:
+        from cupyx.scipy.ndimage import distance_transform_edt
 
-    side = np.arange(-HALF, HALF + voxel / 2, voxel)
-    x, y, z = np.meshgrid(side, side, np.arange(*DEEP, voxel), indexing="ij")
-    u = np.clip((camera.fx * x / z + camera.cx + 0.5).astype(int), 0, camera.width - 1)
-    v = np.clip((camera.fy * y / z + camera.cy + 0.5).astype(int), 0, camera.height - 1)
+    depth = xp.asarray(depth)
+    x, y, z = xp.meshgrid(*(xp.arange(window.low(k), window.high(k) + (voxel / 2 if k < 2 else 0), voxel) for k in range(3)), indexing="ij")
+    u = xp.clip((camera.fx * x / z + camera.cx + 0.5).astype(int), 0, camera.width - 1)
+    v = xp.clip((camera.fy * y / z + camera.cy + 0.5).astype(int), 0, camera.height - 1)
     seen = depth[v, u]
     solid = (seen > 0) & (z > seen)
     outside, inside = distance_transform_edt(~solid), distance_transform_edt(solid)
-    return (voxel * np.where(solid, 0.5 - inside, outside - 0.5)).astype(np.float32)
+    return (voxel * xp.where(solid, 0.5 - inside, outside - 0.5)).astype(xp.float32)
 
 
-def heights(points, cell):
-    """Mean height towards the camera of the points in each cell, over DEEP[1]."""
-    p = points[np.isfinite(points).all(axis=-1)]
-    p = p[(abs(p[:, :2]) < HALF).all(axis=1) & (p[:, 2] < DEEP[1])]
-    num = int(round(2 * HALF / cell))
+def heights(points, cell, window, device="cpu"):
+    """Mean height towards the camera of the points in each cell, over the far side of the window."""
+    xp = library(device)
+    p = xp.asarray(points[window.has(points)]) - xp.asarray([window.middle[0], window.middle[1], window.high(2)])
+    half, num = window.half[0], int(round(2 * window.half[0] / cell))
     # Seen from the back of the image: x to the right, y up.
-    at = np.floor((HALF - p[:, 1]) / cell).astype(int) * num + np.floor((p[:, 0] + HALF) / cell).astype(int)
-    count, total = np.bincount(at, minlength=num**2), np.bincount(at, DEEP[1] - p[:, 2], num**2)
-    return np.where(count > 0, total / np.maximum(count, 1), 0.0).reshape(num, num)
+    at = xp.floor((half - p[:, 1]) / cell).astype(int) * num + xp.floor((p[:, 0] + half) / cell).astype(int)
+    count, total = xp.bincount(at, minlength=num**2), xp.bincount(at, -p[:, 2], num**2)
+    return xp.where(count > 0, total / xp.maximum(count, 1), 0.0).reshape(num, num).astype(xp.float32)
 
 
-def timed_alone(call, num=5):
-    times = []
-    for _ in range(num):
-        begin = time.process_time()
-        made = call()
-        times.append(time.process_time() - begin)
-    return made, np.array(times)
-
-
-def mujoco_height_field(points, poses, sides, cell=0.03):
-    """MuJoCo's contacts of a box with a height field, rewritten for each frame as its users do (model.hfield_data): depth
-    times normal, summed. At most 50 contacts a pair: smaller cells are taken on one side only."""
+def height_field_model(shape, cell, window):
+    """MuJoCo's model of a tool and a height field of these cells: the field's z is the image's -z, turned about x."""
     import mujoco
 
-    num = int(round(2 * HALF / cell))
-    box = " ".join(map(str, sides / 2))
-    # The field's z is the image's -z: turned by 180 degrees about x.
-    model = mujoco.MjModel.from_xml_string(f"""<mujoco><asset><hfield name="room" nrow="{num}" ncol="{num}"
-      size="{HALF} {HALF} 1 0.1"/></asset><worldbody><geom type="hfield" hfield="room" pos="0 0 {DEEP[1]}" quat="0 1 0 0"/>
-      <body><freejoint/><geom type="box" size="{box}" mass="1"/></body></worldbody></mujoco>""")
+    num = int(round(2 * window.half[0] / cell))
+    kind, size = ("sphere", shape) if np.isscalar(shape) else ("box", " ".join(map(str, np.asarray(shape) / 2)))
+    x, y, _ = window.middle
+    return mujoco.MjModel.from_xml_string(f"""<mujoco><asset><hfield name="room" nrow="{num}" ncol="{num}"
+      size="{window.half[0]} {window.half[1]} 1 0.1"/></asset><worldbody>
+      <geom type="hfield" hfield="room" pos="{x} {y} {window.high(2)}" quat="0 1 0 0"/>
+      <body><freejoint/><geom type="{kind}" size="{size}" mass="1"/></body></worldbody></mujoco>""")
+
+
+def mujoco_height_field(points, poses, shape, window=Window(), cell=0.03):
+    """MuJoCo's contacts with a height field, rewritten for each frame as its users do (model.hfield_data): depth times
+    normal, summed. At most 50 contacts a pair: smaller cells are taken on one side only."""
+    import mujoco
+
+    model = height_field_model(shape, cell, window)
 
     def rewrite():
-        model.hfield_data[:] = heights(points, cell).flatten()
+        model.hfield_data[:] = heights(points, cell, window).flatten()
 
-    _, frame = timed_alone(rewrite)
+    _, frame = timed(rewrite)
     data = mujoco.MjData(model)
     forces, times, met = [], [], []
     for pose in poses:
         data.qpos[:3], data.qpos[3:] = pose[:3], pose[[6, 3, 4, 5]]
         mujoco.mj_kinematics(model, data)
-        begin = time.process_time()
-        mujoco.mj_collision(model, data)
-        times.append(time.process_time() - begin)
-        force = np.zeros(3)
-        for i in range(data.ncon):
-            sign = 1 if data.contact.geom[i, 0] == 0 else -1
-            force += sign * max(0.0, -data.contact.dist[i]) * data.contact.frame[i, :3]
-        forces.append(force)
+        times.extend(timed(lambda: mujoco.mj_collision(model, data), 1)[1])
+        forces.append(sum_of_contacts(data))
         met.append(data.ncon)
     yield (f"MuJoCo {mujoco.__version__} height field", None, np.array(forces), np.array(times), frame,
            f"cell_mm={1000 * cell:.0f} contacts={np.mean(met):.1f}")
 
 
-def drake_hydroelastic(vertices, triangles, poses, sides):
-    """Drake's hydroelastic contact of a compliant box with the meshed frame as a rigid surface: a true force by pressure over
+def sum_of_contacts(data):
+    """Depth times normal of MuJoCo's contacts, summed: normals go from the first geom to the second, the tool."""
+    force = np.zeros(3)
+    for i in range(data.ncon):
+        sign = 1 if data.contact.geom[i, 0] == 0 else -1
+        force += sign * max(0.0, -data.contact.dist[i]) * data.contact.frame[i, :3]
+    return force
+
+
+def drake_hydroelastic(vertices, triangles, poses, shape):
+    """Drake's hydroelastic contact of a compliant tool with the meshed frame as a rigid surface: a true force by pressure over
     the contact surface. Only of meshes, so it is made anew for each frame."""
     import tempfile
 
-    from pydrake.geometry import AddCompliantHydroelasticProperties, AddRigidHydroelasticProperties, Box, GeometryFrame
+    from pydrake.geometry import AddCompliantHydroelasticProperties, AddRigidHydroelasticProperties, Box, GeometryFrame, Sphere
     from pydrake.geometry import GeometryInstance, Mesh, ProximityProperties, SceneGraph
     from pydrake.geometry import FramePoseVector, HydroelasticContactRepresentation
     from pydrake.common.value import Value
@@ -209,11 +276,11 @@ def drake_hydroelastic(vertices, triangles, poses, sides):
         fixed.set_proximity_properties(room)
         graph.RegisterAnchoredGeometry(source, fixed)
         frame = graph.RegisterFrame(source, GeometryFrame("tool"))
-        moving = GeometryInstance(RigidTransform(), Box(*sides), "tool")
+        moving = GeometryInstance(RigidTransform(), Sphere(shape) if np.isscalar(shape) else Box(*shape), "tool")
         moving.set_proximity_properties(tool)
         return graph, source, frame, graph.RegisterGeometry(source, frame, moving), graph.CreateDefaultContext()
 
-    (graph, source, frame_id, tool_id, context), frame = timed_alone(build, 1)
+    (graph, source, frame_id, tool_id, context), frame = timed(build, 1)
     forces, times = [], []
     for pose in poses:
         x, y, z, w = pose[3:] / np.linalg.norm(pose[3:])
@@ -221,9 +288,8 @@ def drake_hydroelastic(vertices, triangles, poses, sides):
         where.set_value(frame_id, RigidTransform(Quaternion(w, x, y, z), pose[:3]))
         graph.get_source_pose_port(source).FixValue(context, Value(where))
         query = graph.get_query_output_port().Eval(context)
-        begin = time.process_time()
-        surfaces = query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon)
-        times.append(time.process_time() - begin)
+        surfaces, spent = timed(lambda: query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon), 1)
+        times.extend(spent)
         force = np.zeros(3)
         for s in surfaces:  # normals point into M
             sign = 1.0 if s.id_M() == tool_id else -1.0
@@ -234,19 +300,19 @@ def drake_hydroelastic(vertices, triangles, poses, sides):
     yield f"Drake {version('drake')} hydroelastic", None, np.array(forces), np.array(times), frame, f"triangles={len(triangles)}"
 
 
-def coal_octree(points, poses, sides, voxel=0.01):
+def coal_octree(points, poses, shape, voxel=0.01):
     """coal's octree of the points, yes or no; hollow behind the surface."""
     import coal
 
     cloud = np.ascontiguousarray(points[np.isfinite(points).all(axis=-1)])
-    tree, frame = timed_alone(lambda: coal.makeOctree(cloud, voxel), 3)
-    box, still, times, met = coal.Box(*sides), coal.Transform3s(), [], 0
+    tree, frame = timed(lambda: coal.makeOctree(cloud, voxel), 3)
+    box, still, times, met = coal.Box(*shape), coal.Transform3s(), [], 0
     for pose in poses:
         R = rotation(pose[3:])
         request, result = coal.CollisionRequest(), coal.CollisionResult()
-        begin = time.process_time()
+        begin = clock()
         met += coal.collide(box, coal.Transform3s(R, pose[:3]), tree, still, request, result) > 0
-        times.append(time.process_time() - begin)
+        times.append(clock() - begin)
     yield f"coal {coal.__version__} octree, yes or no", None, None, np.array(times), frame, f"voxel_mm={1000 * voxel:.0f} yes={met}"
 
 
@@ -268,8 +334,8 @@ def vamp(points, poses, strides=(16, 8)):
             stance[0] = place
             planner = OmplVampPlanner(arm, stance.tolist())
             alone = planner.validate_batch(configurations)
-            _, frame = timed_alone(lambda: planner.add_pointcloud(cloud, *planner.min_max_radii(), 0.002), 3)
-            free, times = timed_alone(lambda: planner.validate_batch(configurations))
+            _, frame = timed(lambda: planner.add_pointcloud(cloud, *planner.min_max_radii(), 0.002), 3)
+            free, times = timed(lambda: planner.validate_batch(configurations))
             answers[place] = (np.array(alone) & ~np.array(free)).sum(), frame, times
         met, frame, per_batch = answers[0.0]
         yield (f"VAMP, fetch-planning {version('fetch-planning')}, yes or no", None, None, per_batch / len(configurations), frame,

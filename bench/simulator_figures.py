@@ -4,21 +4,19 @@ Each row: what was measured, where, the value with its unit. `rest`: what the ta
 then moves and turns in 60 s. `energy`: kinetic, of the height and of the contact, at its highest over that at release.
 `slide`: the vertical force while a damper draws the peg along at 25 mm/s, from its acceleration at 1 kHz. `frame`: what a new
 image costs. `change`: the largest step of the force from one ms to the next while images change under the peg at rest.
-`batch`: many pegs in Newton, on a GPU with --device cuda:0.
+`batch`: many pegs in Newton, their contact part over the batch alone; on a GPU, with --device cuda:0, as CUDA graphs, with and
+without a new image in each.
 
 Usage: simulator_figures.py FILE.csv [--frame depth.png --intrinsics fx,fy,cx,cy] [--seconds 60]
 Needs the packages of examples/simulators/requirements.txt and the wheel of make wheel, in one environment."""
 
 import argparse
-import csv
-import datetime
-import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
+from peer_rows import guarded, stamp, timed, write
 
 import palpate
 
@@ -118,16 +116,6 @@ def slide_rows(who, poses, twists):
     yield who, "slide", "height, peak to peak", 1e3 * np.ptp(poses[begin:, 2, 3]), "mm"
 
 
-def median_ms(call, num=25):
-    """Median and 99th percentile in ms of processor time, of all threads: the machine may be busy."""
-    times = []
-    for _ in range(num):
-        begin = time.process_time()
-        call()
-        times.append(time.process_time() - begin)
-    return 1e3 * float(np.median(times)), 1e3 * float(np.percentile(times, 99))
-
-
 def quaternion(R):
     """x y z w of a rotation by less than half a turn."""
     w = np.sqrt(1 + np.trace(R)) / 2
@@ -188,25 +176,41 @@ def newton_ours(depth, camera, start, seconds):
 
 
 def batch_rows(depth, camera, start, worlds, device):
-    """The contact part of a step of many pegs over measure_batch with stiffness alone, by turns."""
+    """The contact part of a step of many pegs over measure_batch with stiffness alone, by turns; times of the wall."""
     import warp as wp
 
     random = np.random.default_rng(1)
     pegs = newton_depth_world.Pegs(depth, camera, start + random.uniform(-0.02, 0.02, (worlds, 3)) * [1, 1, 0], device)
-    for _ in range(60):
+    for _ in range(60 if device == "cpu" else 600):  # on a CPU they still settle
         pegs.step()
-    times = {"whole": [], "batch": []}
-    for _ in range(30):
-        for name, call in (("whole", pegs.feel), ("batch", pegs.measure)):
+    calls = {"contact part": pegs.feel, "batch alone": pegs.measure, "contact part, new image": lambda: (pegs.look(), pegs.feel()),
+             "batch alone, new image": lambda: (pegs.look(), pegs.measure())}
+    if device != "cpu":
+        calls = {name: graph(call, device) for name, call in calls.items()}
+    times = {name: [] for name in calls}
+    for _ in range(30 if device == "cpu" else 200):
+        for name, call in calls.items():
             wp.synchronize()
-            begin = time.perf_counter()
-            call()
-            wp.synchronize()
-            times[name].append(time.perf_counter() - begin)
-    whole, batch = np.median(times["whole"]), np.median(times["batch"])
+            times[name].extend(timed(lambda: (call(), wp.synchronize()), 1, "wall")[1])
     who = f"Newton, ours, {worlds} pegs on {device}"
-    yield who, "batch", "contact part of a step, median", 1e3 * whole, "ms"
-    yield who, "batch", "over the batch alone", whole / batch, "times"
+    for name, spent in times.items():
+        yield who, "batch", f"{name}, median", 1e3 * np.median(spent), "ms"
+        yield who, "batch", f"{name}, p99", 1e3 * np.percentile(spent, 99), "ms"
+    for image in ("", ", new image"):
+        ratio = np.median(times["contact part" + image]) / np.median(times["batch alone" + image])
+        yield who, "batch", f"contact part over batch alone{image}", ratio, "times"
+    weights = pegs.state.body_f.numpy()[:, 2] / MASS / GRAVITY
+    yield who, "batch", "carried over weight - 1, worst", 100 * abs(weights - 1).max(), "%"
+
+
+def graph(call, device):
+    """Returns a call as a CUDA graph to launch."""
+    import warp as wp
+
+    call()
+    with wp.ScopedCapture(device) as capture:
+        call()
+    return lambda: wp.capture_launch(capture.graph)
 
 
 def drake_ours(depth, camera, start, seconds):
@@ -271,12 +275,11 @@ def main():
     surface = sensor.update(depth)
     points_W = np.asarray(surface.points, float).reshape(-1, 3)
     grid = heights(points_W[np.isfinite(points_W).all(axis=1)])
-    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True).stdout.strip()
     rows, start, far = [], np.array([0.0, 0, HALF_SIDES[2] + 0.004]), given.seconds + 2
 
     def add(found):
         for who, figure, quantity, value, unit in found:
-            rows.append({"date": datetime.date.today().isoformat(), "commit": commit, "frame": Path(given.frame or "simulated").name,
+            rows.append({**stamp(), "frame": Path(given.frame or "simulated").name,
                          "who": who, "figure": figure, "quantity": quantity, "value": f"{value:.6g}", "unit": unit})
             print(*list(rows[-1].values())[2:], flush=True)
 
@@ -300,8 +303,9 @@ def main():
 
         for who, call in (("ours", lambda: sensor.update(depth)), ("MuJoCo, height field", for_mujoco),
                           ("Newton, height field", lambda: NewtonPeg(start, heights(finite)))):
-            median, late = median_ms(call)
-            add([(who, "frame", "processor time, median", median, "ms"), (who, "frame", "processor time, p99", late, "ms")])
+            _, times = timed(call, 25)
+            add([(who, "frame", "processor time, median", 1e3 * np.median(times), "ms"),
+                 (who, "frame", "processor time, p99", 1e3 * np.percentile(times, 99), "ms")])
 
     def height_field():
         for who, option in (("MuJoCo, height field", ""), ("MuJoCo, height field, no slip", NO_SLIP)):
@@ -320,12 +324,11 @@ def main():
         "frame": frames,
         "batch": lambda: add(batch_rows(depth, camera, start, given.worlds, given.device)),
     }
+    is_whole = True
     for part in given.parts.split(",") if given.parts else parts:
-        parts[part]()
-    with open(given.file, "w", newline="") as file:
-        table_of_rows = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
-        table_of_rows.writeheader()
-        table_of_rows.writerows(rows)
+        is_whole &= guarded(part, parts[part])
+        write(given.file, rows)
+    return 0 if is_whole else 1
 
 
 if __name__ == "__main__":

@@ -210,8 +210,8 @@ install_peers() {
 install_peer_packages() {
   local simulators
   mapfile -t simulators < <(grep -v '^#' examples/simulators/requirements.txt)
-  install_peers peers build/python-peers "coal, fetch_planning, matplotlib, mujoco, numpy, pydrake, scipy, warp" \
-    coal==3.0.3 fetch-planning==0.3.2 matplotlib numpy scipy "${simulators[@]}"
+  install_peers peers build/python-peers "coal, fetch_planning, matplotlib, mujoco, mujoco_warp, numpy, pydrake, scipy, warp" \
+    coal==3.0.3 fetch-planning==0.3.2 matplotlib mujoco-warp==4.0.0 numpy scipy "${simulators[@]}"
 }
 
 # Libraries that write and read the files that we do.

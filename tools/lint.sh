@@ -13,6 +13,7 @@ run python3 tools/check_modules.py
 run python3 tools/check_types.py
 run python3 tools/check_words.py
 run python3 tools/check_docs.py
+run python3 bench/peer_tables.py --check
 run tools/check_format.sh
 run tools/check_headers.sh
 

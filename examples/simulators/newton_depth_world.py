@@ -5,7 +5,7 @@
 
 All contacts are one palpate.Contact.measure_batch with stiffness between two kernels of Warp: `predict` says where the
 bodies would be without contact, `press` solves room.py's equation for state.body_f. The arrays of Warp are read and
-written in place. On a GPU nothing leaves it, and a step is one CUDA graph.
+written in place. On a GPU nothing leaves it, and a step is one CUDA graph; a new image in `Pegs.image` is another.
 """
 
 import argparse
@@ -40,32 +40,45 @@ class Pegs:
         self.state, self.next = self.model.state(), self.model.state()
         tool, num = peg(), len(starts)
         self.contact = palpate.Contact(tool, place=self.place)
-        self.sensor = palpate.Sensor(camera, place=self.place)
+        # The camera is the origin of its images; where it is, the kernels know.
+        there = palpate.Camera(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, unit=camera.unit,
+                               distortion=camera.distortion)
+        self.sensor, self.X_WC = palpate.Sensor(there, place=self.place), wp.transformd(*camera.pose)
         self.law = Room(tool, None)
         self.center = tool.center_of_mass
         with wp.ScopedDevice(device):
             self.poses, self.free = wp.zeros((num, 7), dtype=wp.float64), wp.zeros(num, dtype=vec6)
             self.force, self.torque = wp.zeros(num, dtype=wp.vec3d), wp.zeros(num, dtype=wp.vec3d)
             self.stiffness = wp.zeros(num, dtype=mat66)
+            self.image, self.image_of_peg = wp.zeros((1, *depth.shape), dtype=float), wp.zeros(num, dtype=int)
         self.out = palpate.Batch(force=self.force, torque=self.torque, stiffness=self.stiffness)
+        self.fields = None
         self.show(depth)
 
+    def stream(self):
+        return {} if self.device == "cpu" else {"stream": wp.get_stream(self.device).cuda_stream}
+
     def show(self, depth):
-        self.surface = self.sensor.update(depth)
+        """Shows a new image, m."""
+        self.image.assign(depth[None])
+        self.look()
+
+    def look(self):
+        self.fields = self.sensor.update_batch(self.image, out=self.fields, **self.stream())
 
     def measure(self):
-        stream = {} if self.device == "cpu" else {"stream": wp.get_stream(self.device).cuda_stream}
-        self.contact.measure_batch(self.surface, self.poses, stiffness=True, out=self.out, **stream)
+        self.contact.measure_batch(self.fields, self.poses, surface_of_pose=self.image_of_peg, stiffness=True, out=self.out,
+                                   **self.stream())
 
     def feel(self):
         """Writes state.body_f for the next step."""
         state, num, law = self.state, len(self.poses), self.law
         with wp.ScopedDevice(self.device):
-            wp.launch(predict, num, [state.body_q, state.body_qd, wp.vec3d(0, 0, -GRAVITY)], [self.poses, self.free])
+            wp.launch(predict, num, [state.body_q, state.body_qd, wp.vec3d(0, 0, -GRAVITY), self.X_WC], [self.poses, self.free])
             self.measure()
-            wp.launch(press, num, [self.poses, self.free, self.force, self.torque, self.stiffness,
-                                        wp.vec3d(*peg_inertia()), wp.vec3d(*HALF_SIDES), wp.vec3d(*self.center),
-                                        wp.vec3d(law.stiffness, law.friction, law.settling)], [state.body_f])
+            wp.launch(press, num, [self.poses, self.free, self.force, self.torque, self.stiffness, self.X_WC,
+                                   wp.vec3d(*peg_inertia()), wp.vec3d(*HALF_SIDES), wp.vec3d(*self.center),
+                                   wp.vec3d(law.stiffness, law.friction, law.settling)], [state.body_f])
 
     def step(self):
         self.feel()

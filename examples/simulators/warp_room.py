@@ -1,6 +1,7 @@
 """The equation of room.py as kernels of Warp, for many free bodies at once on a CPU or a GPU; all in double precision.
 
-`predict` says where bodies would be after a step without contact. There, Palpate measures. `press` solves for the wrench.
+`predict` says where bodies would be after a step without contact, as the camera C sees them. There, Palpate measures.
+`press` solves for the wrench in W. (On a GPU, Palpate takes poses in the frame of the camera only.)
 """
 
 import warp as wp
@@ -14,17 +15,16 @@ H, M_PEG, SLOW, TINY = wp.constant(d(STEP)), wp.constant(d(MASS)), wp.constant(d
 
 @wp.kernel
 def predict(q: wp.array(dtype=wp.transform), qd: wp.array(dtype=wp.spatial_vector), gravity: wp.vec3d,
-            poses: wp.array(dtype=d, ndim=2), free: wp.array(dtype=vec6)):
-    """Computes poses (P, 7) and twists after a step without contact."""
+            X_WC: wp.transformd, poses: wp.array(dtype=d, ndim=2), free: wp.array(dtype=vec6)):
+    """Computes poses X_CB (P, 7) and twists in W after a step without contact."""
     i = wp.tid()
     p, r = wp.transform_get_translation(q[i]), wp.transform_get_rotation(q[i])
     v, w = wp.vec3d(wp.spatial_top(qd[i])) + H * gravity, wp.vec3d(wp.spatial_bottom(qd[i]))
     turned = wp.normalize(wp.quatd(d(r[0]), d(r[1]), d(r[2]), d(r[3])))
     turned = wp.normalize(turned + wp.quatd(w[0], w[1], w[2], d(0.0)) * turned * (d(0.5) * H))
-    for k in range(3):
-        poses[i, k] = d(p[k]) + H * v[k]
-    for k in range(4):
-        poses[i, k + 3] = turned[k]
+    X_CB = wp.transform_inverse(X_WC) * wp.transformd(wp.vec3d(p) + H * v, turned)
+    for k in range(7):
+        poses[i, k] = X_CB[k]
     free[i] = vec6(v[0], v[1], v[2], w[0], w[1], w[2])
 
 
@@ -59,22 +59,25 @@ def blocks(a: wp.mat33d, b: wp.mat33d, c: wp.mat33d):
 
 @wp.kernel
 def press(poses: wp.array(dtype=d, ndim=2), free: wp.array(dtype=vec6), force: wp.array(dtype=wp.vec3d),
-          torque: wp.array(dtype=wp.vec3d), stiffness: wp.array(dtype=mat66), inertia: wp.vec3d, half: wp.vec3d,
-          center: wp.vec3d, law: wp.vec3d, body_f: wp.array(dtype=wp.spatial_vector)):
-    """Computes the wrench of Room.wrench for a box. law: stiffness in N/m3, friction, settling in s."""
+          torque: wp.array(dtype=wp.vec3d), stiffness: wp.array(dtype=mat66), X_WC: wp.transformd, inertia: wp.vec3d,
+          half: wp.vec3d, center: wp.vec3d, law: wp.vec3d, body_f: wp.array(dtype=wp.spatial_vector)):
+    """Computes the wrench of Room.wrench for a box, of what was measured in C. law: stiffness in N/m3, friction, settling in s."""
     i = wp.tid()
     body_f[i] = wp.spatial_vector()
-    f = law[0] * force[i]
+    q_WC = wp.transform_get_rotation(X_WC)
+    f = law[0] * wp.quat_rotate(q_WC, force[i])
     load = wp.length(f)
     if load > d(0.0):
-        r, n = wp.quatd(poses[i, 3], poses[i, 4], poses[i, 5], poses[i, 6]), f / load
+        r, n = q_WC * wp.quatd(poses[i, 3], poses[i, 4], poses[i, 5], poses[i, 6]), f / load
         R, c, one, none = wp.quat_to_matrix(r), wp.quat_rotate(r, center), wp.identity(3, dtype=d), wp.mat33d()
-        t = law[0] * torque[i] + wp.cross(c, f)
+        t = law[0] * wp.quat_rotate(q_WC, torque[i]) + wp.cross(c, f)
         low = wp.quat_rotate_inv(r, n)
         p = wp.cross(n, t) / load - n * (wp.abs(low[0]) * half[0] + wp.abs(low[1]) * half[1] + wp.abs(low[2]) * half[2])
         nn = wp.outer(n, n)
         G, S = blocks(one, -wp.skew(p), one), blocks(one, -wp.skew(c), one)
         M = blocks(M_PEG * one, none, R * wp.diag(inertia) * wp.transpose(R))
+        R_CW = wp.transpose(wp.quat_to_matrix(q_WC))
+        S = blocks(R_CW, none, R_CW) * S
         K = law[0] * (wp.transpose(S) * stiffness[i] * S)
         hardness = wp.max(n[0] * (K[0, 0] * n[0] + K[0, 1] * n[1] + K[0, 2] * n[2]) +
                           n[1] * (K[1, 0] * n[0] + K[1, 1] * n[1] + K[1, 2] * n[2]) +

@@ -106,21 +106,25 @@ def test_a_new_frame_blends_in(tool):
 
 
 def test_kernels_of_warp_compute_the_same(tool):
+    """They measure in the camera's frame, room.py in W."""
     wp = pytest.importorskip("warp", reason="SKIPPED: no Warp; scripts/setup.sh --simulators fetches it")
     from warp_room import mat66, predict, press, vec6
 
     room, random, num = room_of(tool), np.random.default_rng(1), 20
+    depth, camera = rooms.table(0.0, 160, 120)
+    X_WC = wp.transformd(*camera.pose)
+    seen = palpate.Sensor(palpate.Camera(160, 120, camera.fx, camera.fy, camera.cx, camera.cy)).update(depth)
     poses = [rooms.moved(placed(above=-0.001), 0.001 * random.normal(size=6)) for _ in range(num)]
     twists = 0.1 * random.normal(size=(num, 6))
     q = np.array([[*X[:3, 3], *quaternion(X[:3, :3])] for X in poses])
     asked, free = wp.zeros((num, 7), dtype=wp.float64, device="cpu"), wp.zeros(num, dtype=vec6, device="cpu")
     wp.launch(predict, num, [wp.array(q, dtype=wp.transform, device="cpu"),
-                             wp.array(twists, dtype=wp.spatial_vector, device="cpu"), wp.vec3d(0, 0, -GRAVITY)],
+                             wp.array(twists, dtype=wp.spatial_vector, device="cpu"), wp.vec3d(0, 0, -GRAVITY), X_WC],
               [asked, free], device="cpu")
-    batch = room.contact.measure_batch(room.new, asked.numpy(), stiffness=True)
+    batch = room.contact.measure_batch(seen, asked.numpy(), stiffness=True)
     got = wp.zeros(num, dtype=wp.spatial_vector, device="cpu")
     wp.launch(press, num, [asked, free, *(wp.array(values, dtype=kind, device="cpu") for values, kind in (
-        (batch.force, wp.vec3d), (batch.torque, wp.vec3d), (batch.stiffness, mat66))), wp.vec3d(*rooms.peg_inertia()),
+        (batch.force, wp.vec3d), (batch.torque, wp.vec3d), (batch.stiffness, mat66))), X_WC, wp.vec3d(*rooms.peg_inertia()),
         wp.vec3d(*HALF_SIDES), wp.vec3d(*tool.center_of_mass), wp.vec3d(room.stiffness, room.friction, room.settling)],
         [got], device="cpu")
     for X, v, w in zip(poses, twists, got.numpy()):
