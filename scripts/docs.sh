@@ -33,7 +33,7 @@ find $out/pages/guide $out/pages/reference -name '*.md' -exec sed -i -E \
 mv $out/decisions.md $out/pages/decisions/index.md
 sed -i -E 's#\[C\+\+ reference\]\([^)]*\)#[C++ reference](../api.md)#' $out/pages/guide/paths.md
 sed -i -E 's#\]\(decisions\)#](decisions/index.md)#g; s#\]\(examples\)#](examples.md)#g; s#\]\(CHANGELOG\.md\)#](changelog.md)#g' $out/pages/index.md $out/pages/changelog.md
-find $out/pages -name '*.md' -exec sed -i -E 's#\[([^]]*)\]\((\.\./)*(bench/|scripts/|LICENSE|CONTRIBUTING|THIRD_PARTY|CITATION|include/|examples/|web/|tests/|eval/)[^)]*\)#\1#g' {} +
+find $out/pages -name '*.md' -exec sed -i -E 's#\[([^]]*)\]\((\.\./)*(bench/|src/|scripts/|LICENSE|CONTRIBUTING|THIRD_PARTY|CITATION|include/|examples/|web/|tests/|eval/)[^)]*\)#\1#g' {} +
 cat >$out/pages/api.md <<'END'
 # C++ library
 

@@ -68,12 +68,12 @@ grep -h FAILED "$results/kernels.txt" || true
 echo "== kernels are there after $SECONDS s"
 
 status=0
-pegs 120 "$results/pegs.csv" "$worlds" || status=1
+pegs 120 "$results/simulators-nvidia-h200.csv" "$worlds" || status=1
 echo "== pegs, after $SECONDS s"
 for peer in $all; do
   peers 90 "$parts/peer-$peer.csv" "$peer" "${PALPATE_POSES:-60}" wall,sphere-out-160,ridge-90 || status=1
   # One file of all: the columns are the same.
-  awk 'FNR > 1 || !seen++' "$parts"/peer-*.csv >"$results/contact-peers-gpu.csv" || true
+  awk 'FNR > 1 || !seen++' "$parts"/peer-*.csv >"$results/contact-peers-nvidia-h200.csv" || true
   echo "== $peer, after $SECONDS s"
 done
 exit "$status"

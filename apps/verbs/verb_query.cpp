@@ -102,12 +102,14 @@ Status find_clearance(const QueryOptions& options, const Tool& tool, const Froze
 }
 
 /// Returns how near the tool comes to what the cameras measured, at the nearest of all poses; none
-/// if it touches, if nothing was measured, or for more poses than a user looks at.
+/// if it touches, if nothing was measured, or for more poses and pixels than a user waits for.
 std::optional<NearestPose> nearest_pose(const Tool& tool, std::span<const SurfaceBlend> views,
                                         const std::vector<QueryMeasurement>& measurements) {
-  constexpr std::size_t kMaxPoses = 100;
+  constexpr std::size_t kMaxLooks = 30'000'000;  // 100 poses in 640 x 480 pixels
   std::optional<NearestPose> nearest;
-  if (measurements.size() > kMaxPoses) return nearest;
+  std::size_t num_pixels = 0;
+  for (const SurfaceBlend& view : views) num_pixels += view.to.cloud.size();
+  if (measurements.size() * num_pixels > kMaxLooks) return nearest;
   for (std::size_t i = 0; i < measurements.size(); ++i) {
     if (measurements[i].penetration.volume > 0) return std::nullopt;
     for (const SurfaceBlend& view : views) {
@@ -222,8 +224,10 @@ Status run(const QueryOptions& given) {
                        scene->num_usable(), tool_volume, measurements);
   } else {
     print_results_table(options, tool_volume, measurements);
-    if (const auto nearest = nearest_pose(*tool, scene->views(), measurements)) {
-      print_nearest(*nearest, measurements.size());
+    // Other methods have no volume behind a surface either, and objects may be nearer.
+    if (options.settings.contact.method == MethodKind::field && options.objects.empty()) {
+      const auto nearest = nearest_pose(*tool, scene->views(), measurements);
+      if (nearest) print_nearest(*nearest, measurements.size());
     }
     if (!options.caps.file.empty()) {
       results() << "written       " << options.caps.file << ", " << num_caps_triangles

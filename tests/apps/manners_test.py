@@ -165,10 +165,20 @@ class Manners(CommandLineCase):
         self.assertLess(plain["force"][2], 0)
         for name, measure in (("force_N", "force"), ("torque_Nm", "torque")):
             self.assertEqual(result[name], [2.5e5 * value for value in plain[measure]])
-        numbers = re.search(r"at 250000 N/m3: force (\S+) (\S+) (\S+) N, torque", self.succeed(*query, "--stiffness", 2.5e5)).groups()
+        numbers = re.search(r"at 250000 N/m³: force (\S+) (\S+) (\S+) N, torque", self.succeed(*query, "--stiffness", 2.5e5)).groups()
         for number, value in zip(numbers, result["force_N"]):
             self.assertAlmostEqual(float(number), value, delta=1e-3 * abs(value) + 1e-9)
         self.expect_failure(2, *query, "--stiffness", -1, mentions="--stiffness: must be a number from 0")
+
+    def test_a_query_in_front_says_how_near_it_is(self):
+        query = ("query", self.tool, "--camera", "scene:wall")
+        free = self.succeed(*query, "--pose", "0 0 0.5 0 0 0 1")
+        nearest = re.search(r"the tool never touches; nearest (\S+) m", free)
+        self.assertIsNotNone(nearest, free)
+        self.assertTrue(0.3 < float(nearest[1]) < 0.5, free)
+        self.assertNotIn("never touches", self.succeed(*query, "--pose", "0 0 0.99 0 0 0 1"))
+        behind = self.succeed(*query, "--method", "graph", "--pose", "0 0 1.5 0 0 0 1")
+        self.assertNotIn("never touches", behind)
 
     def test_what_no_camera_has_is_doubted(self):
         run = ("--duration", 0.1, "-o", self.path("doubt"))

@@ -118,7 +118,7 @@ class Usage(CommandLineCase):
                             mentions="leave out 'size': the images of folder say their size themselves")
         for parameter in ("size=160x120", "frame=tool", "latency=0.1", "color=1"):
             for camera in ("scene:wall", f"folder:{self.frames}?intrinsics={INTRINSICS}", f"bag:{self.tool}"):
-                if parameter.startswith("size") and camera == "scene:wall" or parameter[0] == "l" and camera[0] == "b":
+                if parameter.startswith("size") and not camera.startswith("folder") or parameter[0] == "l" and camera[0] == "b":
                     continue  # which use it
                 mark = "&" if "?" in camera else "?"
                 self.expect_failure(1, *touch, "--camera", camera + mark + parameter,

@@ -259,8 +259,9 @@ TEST(CloudCamera, CloudsWithoutPointsAreErrorsOrEmptyImages) {
   EXPECT_FALSE(CloudCamera::create(none.view(), {}));
   none.points.assign(100, {});
   EXPECT_FALSE(CloudCamera::create(none.view(), {}));
-  none.points[5] = {0, 0, 1};  // one is enough
-  auto camera = CloudCamera::create(none.view(), {});
+  none.points[5] = {0, 0, 1};
+  EXPECT_FALSE(CloudCamera::create(none.view(), {}));  // one tells no size
+  auto camera = CloudCamera::create(none.view(), {.width = 20, .height = 20});
   ASSERT_TRUE(camera);
   none.points[5] = {0, 0, -1};
   DepthFrame frame;

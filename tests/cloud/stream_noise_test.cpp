@@ -86,6 +86,15 @@ TEST(StreamNoise, IsThatOfTheFramesAtEveryScale) {
   }
 }
 
+TEST(StreamNoise, OfIndependentPixelsFallsWithTheirNumber) {
+  constexpr double own = 0.002;
+  const FrameNoise noise = learn(0, own, 0, 200);
+  for (int level = 0; level < kNumNoiseLevels; ++level) {
+    EXPECT_GE(noise.base[level], 0) << level;
+    EXPECT_NEAR(std::sqrt(variance_of(noise, level, 0.5)) * (1 << level), own, 0.3 * own) << level;
+  }
+}
+
 TEST(StreamNoise, OfAMovingWallIsNotItsMotion) {
   constexpr double own = 0.002;
   const double at_rest = variance_of(learn(0, own, 0, 100), 0, 0.5);

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "src/cloud/internal/cloud_camera.h"
@@ -38,7 +40,8 @@ struct CloudLayout {
 
 template <class Number>
 void put_number(std::string& data, std::size_t at, double value, bool is_big) {
-  const auto number = static_cast<Number>(value);
+  const auto number =
+      static_cast<Number>(std::is_integral_v<Number> && !std::isfinite(value) ? 0 : value);
   char bytes[sizeof number];
   std::memcpy(bytes, &number, sizeof number);
   if (is_big) std::reverse(std::begin(bytes), std::end(bytes));
@@ -54,7 +57,8 @@ inline std::string cloud_data(const PointsView& cloud, const CloudLayout& layout
     const std::size_t first = i / width * row + i % width * layout.point_step;
     for (const CloudField& field : layout.fields) {
       const std::size_t axis = std::string("xyz").find(field.name);
-      if (field.name.size() != 1 || axis > 2 || field.offset >= layout.point_step) continue;
+      const std::size_t size = field.type == 8 ? 8 : field.type == 3 ? 2 : 4;
+      if (field.name.size() != 1 || axis > 2 || field.offset + size > layout.point_step) continue;
       const double value =
           static_cast<double>(cloud.points[i][static_cast<int>(axis)]) / layout.scale;
       const std::size_t at = first + field.offset;

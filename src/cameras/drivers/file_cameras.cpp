@@ -29,14 +29,14 @@ Result<RawStream> open_folder_camera(const CameraUri& uri, const CameraOpening&)
   DepthFolderOptions folder;
   folder.rate = uri.rate.value_or(folder.rate);
   const auto list = list_frames(uri.target, folder.rate);
-  if (list && is_cloud_name(list->entries.front().path)) return open_clouds(uri, *list);
+  if (!list) return list.error();
+  if (is_cloud_name(list->entries.front().path)) return open_clouds(uri, *list);
   if (!uri.intrinsics) {
     return Error{
         Errc::invalid_argument,
         "camera " + uri.text +
             ": a folder of images has no intrinsics; pass ?intrinsics=fx,fy,cx,cy in pixels"};
   }
-  if (!list) return list.error();
   if (const Status status = check_for_images(uri); !status) return status.error();
   if (uri.extras.contains("scale")) {
     return Error{Errc::invalid_argument, "camera " + uri.text +

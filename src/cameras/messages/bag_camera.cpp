@@ -100,6 +100,10 @@ Result<CloudMessages> first_cloud(const CameraUri& uri, BagReader& reader, const
     if (channel.topic != topic || !is_cloud_type(channel.schema_name)) continue;
     const auto frame = clouds.read((*message)->data);
     if (frame) return clouds;
+    if (frame.error().code == Errc::invalid_argument) {
+      return Error{frame.error().code,
+                   "camera " + uri.text + ": " + topic + ": " + frame.error().message};
+    }
     if (why.empty()) why = frame.error().message;
   }
 }

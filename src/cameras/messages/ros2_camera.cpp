@@ -168,7 +168,10 @@ class Ros2Source final : public DepthSource {
                         " waits up to 10 s for its first depth image: " + what_there_is());
       }
       if (const Status status = follow_type(); !status) return status;
-      if (!read(first_)) continue;
+      if (!read(first_)) {
+        if (refused_) return Error{refused_->code, info_.name + ": " + refused_->message};
+        continue;
+      }
       if (const Status status = clouds_ ? Done{} : check_for_images(uri_); !status) return status;
       has_first_ = true;
       info_.width = first_.width;
@@ -216,6 +219,7 @@ class Ros2Source final : public DepthSource {
                : is_compressed_ ? read_compressed_depth(image_.message, unit, scale_)
                                 : read_depth_image(image_.message, unit, scale_);
     if (!got) {
+      if (got.error().code == Errc::invalid_argument && !refused_) refused_ = got.error();
       received_.add_note("sends images that are dropped: " + got.error().message);
       return false;
     }
@@ -260,6 +264,7 @@ class Ros2Source final : public DepthSource {
   const std::shared_ptr<RosNode> node_;
   RosQos qos_ = RosQos::sensor();
   std::optional<CloudMessages> clouds_;  // none: images
+  std::optional<Error> refused_;  // by the parameters of the URI
   DepthStreamInfo info_;
   ReceivedMessages received_{topic_};
   ReceivedMessages::Image image_;

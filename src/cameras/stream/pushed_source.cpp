@@ -62,6 +62,7 @@ class Pushed final : public PushedSource {
     if (!shares.is_image && !std::exchange(is_noted_, true)) intake_.add_note(shares.text());
     drop_far_codes(points_frame_, info_.sensor);
     points_frame_.X_WC = X_WC;
+    points_frame_.stamp = 0;
     points_frame_.timestamp = timestamp;
     intake_.give(points_frame_, points_camera_.model(), now);
   }
@@ -91,6 +92,10 @@ Result<std::unique_ptr<PushedSource>> PushedSource::create(const DepthStreamInfo
       info.height > kMaxImageHeight || !(info.intrinsics.fx > 0) || !(info.intrinsics.fy > 0)) {
     return Error{Errc::invalid_argument,
                  "pushed frames need a size from 8x8 to 4096x4096 and focal lengths above 0"};
+  }
+  if (!is_depth_unit(info.unit)) {
+    return Error{Errc::invalid_argument,
+                 "pushed frames need a unit above 0 and of at most 1 m per count"};
   }
   if (!(options.latency >= 0 && options.latency <= 1)) {
     return Error{Errc::invalid_argument, "the latency of pushed frames must be from 0 to 1 s"};

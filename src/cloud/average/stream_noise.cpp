@@ -24,20 +24,39 @@ float depth_at(const DepthImageView& frame, int pixel) {
   return is_measurement(count) ? static_cast<float>(frame.unit * count) : 0;
 }
 
-/// Returns the mean over a square of one surface, 0 if it is not, or not measured all over.
-float mean_over(const DepthImageView& frame, int left, int top, int side, float z) {
-  const int step = std::max(side / 16, 1);
-  float sum = 0;
-  for (int v = top; v < top + side; v += step) {
-    for (int u = left; u < left + side; u += step) {
-      const float at = depth_at(frame, v * frame.width + u);
-      if (!(std::fabs(at - z) < kSameSurface * z)) return 0;
-      sum += at - z;
+/// Sums how far pixels of nested squares about the middle of a block are from its depth.
+class Rings {
+ public:
+  Rings(const DepthImageView& frame, int left, int top, float z)
+      : frame_(frame), left_(left), top_(top), z_(z) {}
+
+  /// Returns the mean over the next square, of twice the last one's side; 0 if it is not one
+  /// surface, measured all over.
+  float next_mean() {
+    const int from = (kBlock - side_ + 1) / 2, to = from + side_;
+    const int inner = (kBlock - side_ / 2 + 1) / 2, outer = inner + side_ / 2;
+    for (int v = from; v < to; ++v) {
+      const bool is_across = v >= inner && v < outer;
+      for (int u = from; u < to; ++u) {
+        if (is_across && u == inner) u = outer;
+        if (u >= to) break;
+        const float at = depth_at(frame_, (top_ + v) * frame_.width + left_ + u);
+        if (!(std::fabs(at - z_) < kSameSurface * z_)) return 0;
+        sum_ += at - z_;
+      }
     }
+    const float mean = z_ + sum_ / static_cast<float>(side_ * side_);
+    side_ *= 2;
+    return mean;
   }
-  const int num = side / step;
-  return z + sum / static_cast<float>(num * num);
-}
+
+ private:
+  const DepthImageView& frame_;
+  int left_, top_;
+  float z_;
+  int side_ = 1;
+  float sum_ = 0;
+};
 
 /// Standard deviation of the details of the fine scales together, as base + growth z^2.
 struct FineNoise {
@@ -54,8 +73,8 @@ struct FineNoise {
 
 StreamNoise::StreamNoise(int width, int height)
     : width_(width),
-      blocks_wide_(width / kBlock),
-      blocks_high_(height / kBlock),
+      blocks_wide_((width / kBlock + 1) / 2),
+      blocks_high_((height / kBlock + 1) / 2),
       means_(static_cast<std::size_t>(blocks_wide_ * blocks_high_ * kNumNoiseLevels)) {}
 
 void StreamNoise::add(const DepthImageView& frame, const FrameNoise& seen) {
@@ -63,13 +82,13 @@ void StreamNoise::add(const DepthImageView& frame, const FrameNoise& seen) {
   const FineNoise fine(seen);
   Mean* mean = means_.data();
   for (int block = 0; block < blocks_wide_ * blocks_high_; ++block) {
-    const int left = block % blocks_wide_ * kBlock, top = block / blocks_wide_ * kBlock;
+    const int left = block % blocks_wide_ * 2 * kBlock, top = block / blocks_wide_ * 2 * kBlock;
     const float z = depth_at(frame, (top + kBlock / 2) * width_ + left + kBlock / 2);
     const float sd = fine.base + fine.growth * z * z;
     bool is_known = z > 0 && sd > 0;
+    Rings rings(frame, left, top, z);
     for (int k = 0; k < kNumNoiseLevels; ++k, ++mean) {
-      const int side = 1 << k, apart = (kBlock - side + 1) / 2;
-      const float now = is_known ? mean_over(frame, left + apart, top + apart, side, z) : 0;
+      const float now = is_known ? rings.next_mean() : 0;
       is_known = now > 0;
       if (!is_known) {
         mean->num_before = 0;
@@ -89,7 +108,8 @@ void StreamNoise::add(const DepthImageView& frame, const FrameNoise& seen) {
 }
 
 FrameNoise StreamNoise::of_frame(const FrameNoise& seen, bool is_averaged) const {
-  // Variances of means, none larger than that of fewer pixels, none less than of independent ones.
+  // Variances of means: what a mean of four loses is neither negative nor less than what the next
+  // one loses, and it loses no more than one of independent pixels.
   double variance[kNumNoiseLevels];
   for (int k = 0; k < kNumNoiseLevels; ++k) {
     const Scale& scale = scales_[k];
@@ -100,7 +120,8 @@ FrameNoise StreamNoise::of_frame(const FrameNoise& seen, bool is_averaged) const
       continue;
     }
     const double own = scale.turned / scale.num;
-    variance[k] = k == 0 ? std::max(own, 0.0) : std::clamp(own, before / 4, before);
+    const double most = k > 1 ? before - 0.25 * (variance[k - 2] - before) : before;
+    variance[k] = k == 0 ? std::max(own, 0.0) : std::clamp(own, before / 4, most);
   }
   constexpr double of_white = 0.75;  // what a mean of four loses
   const auto detail = [&](int k) {

@@ -34,8 +34,9 @@ std::string CloudShares::text() const {
     return number_text(100.0 * static_cast<double>(num) / static_cast<double>(all), 2) + " %";
   };
   return "its clouds are projected into images; of the points of the first, " + percent(merged) +
-         " share a pixel with others, " + percent(hidden) + " are hidden by others, and " +
-         percent(outside) + " lie outside of the image";
+         " share a pixel with others, " + percent(hidden) +
+         " are hidden by others or turned away, and " + percent(outside) +
+         " lie outside of the image";
 }
 
 void CloudCamera::describe(DepthStreamInfo& info) const {
@@ -73,8 +74,9 @@ CloudShares CloudCamera::take(const PointsView& cloud, DepthFrame& frame) {
   frame.flow.clear();
   frame.pixels.resize(index_of(0, model_.height, model_.width));
   if (!is_image_of(cloud)) return project(cloud, frame);
-  std::ranges::transform(cloud.points, frame.pixels.begin(),
-                         [&](const Vec3f& p) { return count_of(double(p.z), unit_); });
+  std::ranges::transform(cloud.points, frame.pixels.begin(), [&](const Vec3f& p) {
+    return is_measured(p) ? count_of(double(p.z), unit_) : std::uint16_t{0};
+  });
   return {};
 }
 
@@ -94,7 +96,8 @@ CloudShares CloudCamera::project(const PointsView& cloud, DepthFrame& frame) {
       const Vec3d to = to_double(cloud.points[i]) - X_FC_.translation;
       const Vec3d p = R_CF * to;
       const double u = k.fx * p.x / p.z + k.cx, v = k.fy * p.y / p.z + k.cy;
-      const bool is_inside = p.z > 0 && u > -0.5 && v > -0.5 && u < width - 0.5 && v < height - 0.5;
+      const bool is_inside =
+          p.z >= unit_ && u > -0.5 && v > -0.5 && u < width - 0.5 && v < height - 0.5;
       const bool is_turned = !cloud.normals.empty() && dot(to_double(cloud.normals[i]), to) > 0;
       if (!is_inside || is_turned) {
         on_rest(is_inside);
@@ -179,7 +182,7 @@ void CloudCamera::fill(DepthFrame& frame) {
   constexpr std::array<std::pair<int, int>, 4> kWays{{{1, 0}, {0, 1}, {1, 1}, {1, -1}}};
   for (int v = 0; v < height; ++v) {
     for (int u = 0; u < width; ++u) {
-      float& inverse = inverse_[index_of(u, v, width)];
+      const float inverse = inverse_[index_of(u, v, width)];
       double sum = 0;
       int num = 0;
       for (const auto& [i, j] : kWays) {
@@ -195,9 +198,8 @@ void CloudCamera::fill(DepthFrame& frame) {
         sum += mean;
       }
       // Gaps of an image in another order are its own.
-      if (!is_grid_ && num >= 2) inverse = float(sum / num);
-      const double depth = inverse > 0 ? 1 / double(inverse) : 0;
-      frame.pixels[index_of(u, v, width)] = count_of(depth, unit_);
+      const double shown = !is_grid_ && num >= 2 ? sum / num : double(inverse);
+      frame.pixels[index_of(u, v, width)] = count_of(shown > 0 ? 1 / shown : 0, unit_);
     }
   }
 }

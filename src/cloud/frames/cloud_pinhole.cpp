@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <string>
 #include <vector>
 
 #include "src/cloud/internal/cloud_camera.h"
@@ -130,6 +131,21 @@ Extent extent_of(const PointsView& cloud, const Pose& X_FC, double widest) {
   return seen;
 }
 
+/// Returns the finest unit (m), a multiple of that of 32FC1 images, in which the farthest point has
+/// a count.
+double unit_for(const PointsView& cloud, const Pose& X_FC) {
+  constexpr double kMostCounts = 60000;
+  const Mat3d R_CF = rotation_matrix(conjugate(X_FC.rotation));
+  double farthest = 0;
+  for (const Vec3f& p : cloud.points) {
+    if (is_measured(p)) {
+      farthest = std::max(farthest, (R_CF * (to_double(p) - X_FC.translation)).z);
+    }
+  }
+  const double units = std::max(1.0, std::ceil(farthest / (kMostCounts * kFloatUnit)));
+  return std::min(units * kFloatUnit, kLargestUnit);
+}
+
 }  // namespace
 
 std::optional<Intrinsics> pinhole_of(const PointsView& cloud) {
@@ -187,7 +203,8 @@ Result<CloudCamera> CloudCamera::create(const PointsView& first,
     model.width = first.width;
     model.height = first.height;
     if (!options.intrinsics) model.intrinsics = *pinhole;
-    return CloudCamera(model, options.unit ? *options.unit : unit_of(first).value_or(kFloatUnit));
+    return CloudCamera(
+        model, options.unit ? *options.unit : unit_of(first).value_or(unit_for(first, Pose{})));
   }
   Vec3d middle;
   std::size_t num_finite = 0;
@@ -198,7 +215,13 @@ Result<CloudCamera> CloudCamera::create(const PointsView& first,
     middle += normalized(to_double(p) - eye);
   }
   if (num_finite == 0) return Error{Errc::bad_input, "a cloud has no points"};
-  CloudCamera camera(model, options.unit.value_or(kFloatUnit));
+  constexpr std::size_t kEnough = 64;
+  if (num_finite < kEnough && !options.intrinsics && options.width == 0) {
+    return Error{Errc::bad_input, "a cloud of " + std::to_string(num_finite) +
+                                      " points does not tell the size of its image; give "
+                                      "?size=WIDTHxHEIGHT or ?intrinsics=fx,fy,cx,cy"};
+  }
+  CloudCamera camera(model, 0);
   camera.X_FC_.translation = eye;
   const double all = static_cast<double>(num_finite);
   const double widest = options.look ? kWidestLook : kWidest;
@@ -209,13 +232,14 @@ Result<CloudCamera> CloudCamera::create(const PointsView& first,
     camera.X_FC_.rotation = looking(middle);
     seen = extent_of(first, camera.X_FC_, widest);
     if (norm(middle) < kHalf * all || is_outside(kHalf)) {
-      return Error{Errc::bad_input,
+      return Error{Errc::invalid_argument,
                    "a cloud surrounds its viewpoint, and one image shows 60 degrees to each side; "
                    "give ?look=x,y,z, the direction of the image in the frame of the cloud, and a "
                    "camera for each direction"};
     }
   }
   if (seen.num == 0) return Error{Errc::bad_input, "a cloud has no points where its image looks"};
+  camera.unit_ = options.unit.value_or(unit_for(first, camera.X_FC_));
   const double width = seen.right - seen.left, height = seen.bottom - seen.top;
   CameraModel& made = camera.model_;
   Intrinsics& k = made.intrinsics;

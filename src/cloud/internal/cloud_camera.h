@@ -70,7 +70,8 @@ class CloudCamera {
  public:
   /// A camera fixed by the first cloud: the one that the cloud is an image of, or one with two
   /// points in each of its pixels. It looks along z of F if the points are there, else to their
-  /// middle. Errors: no points; they surround the viewpoint.
+  /// middle. Errors: no points, or too few to tell a size;
+  /// they surround the viewpoint (Errc::invalid_argument: what is asked for has to change).
   static Result<CloudCamera> create(const PointsView& first, const CloudCameraOptions& options);
   /// A given camera at F.
   CloudCamera(const CameraModel& model, double unit) : model_(model), unit_(unit) {}
@@ -81,8 +82,9 @@ class CloudCamera {
   void describe(DepthStreamInfo& info) const;
   const Pose& X_FC() const { return X_FC_; }  ///< pose of the camera in the frame of the points
 
-  /// Makes the depth image: size, unit and pixels of `frame`. A cloud of the image's size with all
-  /// points on the camera's rays gives its z, to the bit; all others are projected. O(points +
+  /// Makes the depth image: size, unit and pixels of `frame`. A cloud of the image's size whose
+  /// points lie on the camera's rays (99 % of 4096 samples, within half a pixel) gives its z, to
+  /// the bit, whatever its normals; all others are projected. O(points +
   /// pixels); allocates when clouds grow.
   CloudShares take(const PointsView& cloud, DepthFrame& frame);
 

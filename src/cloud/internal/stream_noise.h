@@ -1,9 +1,9 @@
 // The random noise of a stream, learned from frames that follow each other. A single frame shows
 // neither what its noise shares over the whole image nor which of its details come again in the
-// next one; time shows both. In blocks of the image, means over squares of 2^k pixels step from
-// frame to frame. Noise turns back and motion goes on (depth_estimate.h): with d the step of a mean
-// and d' the next one, the mean of -d d' is its variance. So there is no option, and what moves is
-// not learned as noise.
+// next one; time shows both. In every second block of each second row, means over squares of 2^k
+// pixels step from frame to frame. Noise turns back and motion goes on (depth_estimate.h): with d
+// the step of a mean and d' the next one, the mean of -d d' is its variance. So there is no option,
+// and what moves is not learned as noise.
 #pragma once
 
 #include <vector>
@@ -18,7 +18,8 @@ class StreamNoise {
   StreamNoise(int width, int height);
 
   /// Adds a frame in host memory as the camera measured it. `seen`: what the surface made of it
-  /// shows by itself, which tells how noise grows with depth. No allocation; some 60,000 pixels.
+  /// shows by itself, which tells how noise grows with depth. No allocation; a quarter of the
+  /// pixels.
   void add(const DepthImageView& frame, const FrameNoise& seen);
   /// Returns the noise of that surface. `is_averaged`: it is a mean of frames, with less noise of
   /// the same kind: then time tells the shares of the scales, and the surface their size. Returns

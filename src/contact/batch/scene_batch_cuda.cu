@@ -123,7 +123,8 @@ class SceneBatchCuda final : public SceneBatch {
     const bool with_stiffness = answers.stiffness != nullptr;
     for (std::size_t first = 0; first < num; first += kMaxAtOnce) {
       const std::size_t size = std::min(kMaxAtOnce, num - first);
-      job.first_pose = static_cast<std::int32_t>(first);
+      // Bodies by pose are staged from this pose on; without them, the pose's number is the body's.
+      job.first_pose = poses.body_of_pose.empty() ? static_cast<std::int32_t>(first) : 0;
       job.X_WT = staged_.given(stream_, staged_.X_WT, poses.X_WT, first, size);
       job.tool_of_pose = staged_.given(stream_, staged_.tool, poses.tool_of_pose, first, size);
       job.body_of_pose = staged_.given(stream_, staged_.body, poses.body_of_pose, first, size);

@@ -150,7 +150,8 @@ __device__ void add_hull_elements(const HullQuery<kMaxViews>& query,
       const Element element =
           element_of(elements.wholes[mine], elements.whole_factors[mine], tool.in_world);
       add_whole<kWithStiffness>(element, elements.whole_polars[mine], whole, kept,
-                                first_of(at_whole.hull), second_of(at_whole.hull), share, &stiffness);
+                                first_of(at_whole.hull), second_of(at_whole.hull), share,
+                                &stiffness);
       add_unseen(at_whole, whole.value * element.factor, element.radius);
       if (!(whole.value < 1.0f)) share.num_inside += static_cast<int>(elements.whole_counts[mine]);
     }

@@ -178,7 +178,7 @@ class NoiseWriter {
   void put(const float (&totals)[kNumNoiseSums], int camera) {
     NoisePatch& patch = to_.of_group(group_)[num_];
     std::memcpy(&patch, totals, sizeof patch);
-    if (!(patch.weight > 0)) return;
+    if (!(patch.weight > 1e-30f)) return;
     const float share = 1.0f / patch.weight;
     patch.at_u = patch.u * share;
     patch.at_v = patch.v * share;

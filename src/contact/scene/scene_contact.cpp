@@ -173,7 +173,9 @@ Status SceneContact::Impl::measure_at_once(const Scene& scene, const ScenePoses&
   for (const Body& body : scene.bodies) bodies.push_back(body.placed());
   const SceneBatchPoses of{.X_WT = poses.X_WT, .tool_of_pose = poses.tool_of_pose};
   std::vector<SurfaceView> shown = surfaces;
-  if (shown.size() == 1 && shown[0].role == SurfaceRole::one_of_several) {
+  const bool is_by_itself =
+      shown.size() == 1 && shown[0].role == SurfaceRole::one_of_several && !is_remembered(shown[0]);
+  if (is_by_itself) {
     // Its own field counts by itself; what it does not see is known by the hull.
     if (answers.unseen != nullptr) {
       if (const Status s = scenes->take(shown, {}); !s) return s;
@@ -183,7 +185,7 @@ Status SceneContact::Impl::measure_at_once(const Scene& scene, const ScenePoses&
     shown[0].seen_free = {};
   }
   if (const Status s = scenes->take(shown, bodies); !s) return s;
-  double* const unseen = shown.size() == 1 ? nullptr : answers.unseen;
+  double* const unseen = is_by_itself ? nullptr : answers.unseen;
   if (const Status s = scenes->measure(of, answers.contact, unseen); !s) return s;
   for (std::size_t i = 0; answers.unseen != nullptr && i < poses.X_WT.size(); ++i) {
     answers.unseen[i] /= full_volumes[tool_of(poses, i)];

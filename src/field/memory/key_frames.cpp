@@ -146,6 +146,7 @@ Result<KeyFrames> KeyFrames::create(const SlotSettings& settings, const MakeSlot
   SlotSettings kept;
   kept.stream = binned(whole, binning);
   kept.stream.is_moving = false;  // a frame by itself
+  kept.learns_noise = false;
   kept.surface = settings.surface;
   kept.field = settings.field;
   kept.field->one_of_several = true;

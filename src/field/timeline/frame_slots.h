@@ -12,7 +12,8 @@ namespace palpate { inline namespace v0 {
 
 /// Settings of the surfaces of frames.
 struct SlotSettings : TimelineOptions {
-  DepthStreamInfo stream;  ///< of the binned images
+  DepthStreamInfo stream;    ///< of the binned images
+  bool learns_noise = true;  ///< frames follow each other in time, so their steps tell noise
 
   /// A static camera remembers by its pixels, a moving one by frames from earlier poses.
   bool has_pixel_memory() const { return in_front() && !stream.is_moving; }

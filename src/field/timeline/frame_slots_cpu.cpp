@@ -28,7 +28,7 @@ class FrameSlotsCpu final : public FrameSlots {
         wants_depth_change_(settings.wants_depth_change),
         role_(settings.role()),
         noise_(settings.stream.width, settings.stream.height),
-        is_noise_known_(is_known(settings.surface.noise)),
+        is_noise_known_(is_known(settings.surface.noise) || !settings.learns_noise),
         averager_(std::move(averager)),
         memory_(std::move(memory)),
         slots_(std::move(slots)) {}

@@ -10,11 +10,12 @@ namespace {
 
 class CloudFolderSource final : public DepthSource {
  public:
-  CloudFolderSource(FrameList list, CloudCamera camera, CloudPoints first, double scale,
-                    DepthStreamInfo info)
+  CloudFolderSource(FrameList list, CloudCamera camera, CloudPoints first, const Vec3d& eye,
+                    double scale, DepthStreamInfo info)
       : list_(std::move(list)),
         camera_(std::move(camera)),
         first_(std::move(first)),
+        eye_(eye),
         scale_(scale),
         info_(std::move(info)) {}
 
@@ -32,24 +33,32 @@ class CloudFolderSource final : public DepthSource {
       auto file = load_points(entry.path, scale_);
       if (!file) return file.error();
       cloud = std::move(file->cloud);
+      if (norm(file->eye - eye_) > 1e-3 && !std::exchange(is_eye_noted_, true)) {
+        note(
+            "its files have other VIEWPOINTs than the first one; all are seen from that of the "
+            "first");
+      }
     }
     const CloudShares shares = camera_.take(cloud.view(), frame);
-    if (!shares.is_image && !std::exchange(is_noted_, true)) {
-      const std::lock_guard lock(mutex_);
-      notes_.push_back(info_.name + ": " + shares.text());
-    }
+    if (!shares.is_image && !std::exchange(is_noted_, true)) note(shares.text());
     frame.timestamp = entry.time;
     return true;
   }
 
  private:
+  void note(const std::string& text) {
+    const std::lock_guard lock(mutex_);
+    notes_.push_back(info_.name + ": " + text);
+  }
+
   const FrameList list_;
   CloudCamera camera_;
   CloudPoints first_;
+  const Vec3d eye_;  // of the first file
   const double scale_;
   const DepthStreamInfo info_;
   std::size_t next_ = 0;
-  bool is_noted_ = false;
+  bool is_noted_ = false, is_eye_noted_ = false;
   std::mutex mutex_;
   std::vector<std::string> notes_;
 };
@@ -73,9 +82,10 @@ Result<CloudFolder> open_cloud_folder(const FrameList& list, const CloudCameraOp
   info.num_frames = static_cast<int>(list.entries.size());
   info.name = name;
   const Pose X_FC = camera->X_FC();
-  return CloudFolder{std::make_unique<CloudFolderSource>(
-                         list, *std::move(camera), std::move(first->cloud), scale, std::move(info)),
-                     X_FC};
+  return CloudFolder{
+      std::make_unique<CloudFolderSource>(list, *std::move(camera), std::move(first->cloud),
+                                          first->eye, scale, std::move(info)),
+      X_FC};
 }
 
 }}  // namespace palpate::v0

@@ -64,6 +64,11 @@ std::string difference_of(const T& recorded, const T& repeated) {
     if (a[i] == b[i]) continue;
     return a[i].first + ": recorded " + a[i].second + ", repeated " + b[i].second;
   }
+  if (a.size() != b.size()) {
+    const auto& longer = a.size() > b.size() ? a : b;
+    return longer[std::min(a.size(), b.size())].first + " is " +
+           (a.size() > b.size() ? "recorded, not repeated" : "repeated, not recorded");
+  }
   return "a number differs in bits that are not written";
 }
 

@@ -219,7 +219,7 @@ Result<ChosenLoop> choose_loop(const Tool& tool, const DepthSources& sources, Ha
                : RunLoop::create(tool, sources, device, settings, observer);
   };
   std::string why_not_cuda;
-  const bool is_open = !settings.backend;
+  const bool is_open = !settings.backend && !settings.wants_std;
   auto loop = make(settings.backend.value_or(settings.wants_std ? Backend::cpu : Backend::cuda));
   if (!loop && is_open) {
     why_not_cuda = loop.error().message;

@@ -83,7 +83,7 @@ std::string series_text(const Tool& tool, const RunLog& log) {
       const auto along = [=](const TickRecord& t, const Vec3d& direction) {
         if (!t.noise || !(norm(direction) > 0)) return static_cast<double>(NAN);
         const Vec3d turned = (*t.noise).*covariance * direction;
-        return newtons * std::sqrt(dot(direction, turned)) / norm(direction);
+        return newtons * std::sqrt(std::max(0.0, dot(direction, turned))) / norm(direction);
       };
       add_vector(name, unit, [&](const TickRecord& t) {
         return measured(t, 1) *

@@ -146,13 +146,19 @@ TEST(HullRules, TheJoinIsItsFormula) {
     EXPECT_NEAR(joined.hull.first.phi, std::max(before.hull.first.phi, memory), w / 2);
     EXPECT_EQ(joined.seen_phi, joined.hull.first.phi);
     const int remembers = known.value.first.phi < shown.value.first.phi ? who_knows : who_shows;
-    if (memory > before.hull.first.phi + w) EXPECT_EQ(joined.decider, remembers);
-    if (memory < before.hull.first.phi - w) EXPECT_EQ(joined.decider, who);
+    if (memory > before.hull.first.phi + w) {
+      EXPECT_EQ(joined.decider, remembers);
+    }
+    if (memory < before.hull.first.phi - w) {
+      EXPECT_EQ(joined.decider, who);
+    }
     const double seen_phi = joined.hull.first.phi, field = fields.value.first.phi - wide;
     joined.close(fields, radius, true);
     EXPECT_NEAR(joined.hull.first.phi, std::max(seen_phi, field), w / 2);
     EXPECT_EQ(joined.seen_phi, seen_phi);
-    if (field > seen_phi + w) EXPECT_EQ(joined.decider, -1);
+    if (field > seen_phi + w) {
+      EXPECT_EQ(joined.decider, -1);
+    }
     ++deciders[joined.decider + 1];
   }
   for (const int num : deciders) EXPECT_GT(num, 10);
