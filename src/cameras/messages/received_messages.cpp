@@ -172,8 +172,8 @@ void ReceivedMessages::note_flood(double now) {
 }
 
 void ReceivedMessages::note(const std::string& text) {
-  constexpr std::size_t kMost = 100;  // whatever a stranger sends
-  if (said_.size() >= kMost) return;
+  constexpr std::size_t kMaxNotes = 100;  // whatever a stranger sends
+  if (said_.size() >= kMaxNotes) return;
   if (said_.insert(text.substr(0, text.find('\''))).second) notes_.push_back(text);
 }
 

@@ -264,7 +264,7 @@ class Ros2Source final : public DepthSource {
   const std::shared_ptr<RosNode> node_;
   RosQos qos_ = RosQos::sensor();
   std::optional<CloudMessages> clouds_;  // none: images
-  std::optional<Error> refused_;  // by the parameters of the URI
+  std::optional<Error> refused_;         // by the parameters of the URI
   DepthStreamInfo info_;
   ReceivedMessages received_{topic_};
   ReceivedMessages::Image image_;

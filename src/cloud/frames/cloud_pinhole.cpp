@@ -134,7 +134,7 @@ Extent extent_of(const PointsView& cloud, const Pose& X_FC, double widest) {
 /// Returns the finest unit (m), a multiple of that of 32FC1 images, in which the farthest point has
 /// a count.
 double unit_for(const PointsView& cloud, const Pose& X_FC) {
-  constexpr double kMostCounts = 60000;
+  constexpr double kMaxCounts = 60000;
   const Mat3d R_CF = rotation_matrix(conjugate(X_FC.rotation));
   double farthest = 0;
   for (const Vec3f& p : cloud.points) {
@@ -142,7 +142,7 @@ double unit_for(const PointsView& cloud, const Pose& X_FC) {
       farthest = std::max(farthest, (R_CF * (to_double(p) - X_FC.translation)).z);
     }
   }
-  const double units = std::max(1.0, std::ceil(farthest / (kMostCounts * kFloatUnit)));
+  const double units = std::max(1.0, std::ceil(farthest / (kMaxCounts * kFloatUnit)));
   return std::min(units * kFloatUnit, kLargestUnit);
 }
 
