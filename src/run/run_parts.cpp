@@ -173,6 +173,7 @@ Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const Too
   ExecutionOptions execution;
   execution.gpu = settings.contact_gpu;
   execution.pool = threads;
+  execution.reserves_noise = settings.wants_std;
   const auto method = contact_method(settings.contact);
   if (!method) return method.error();
   if (const auto num = static_cast<std::size_t>(std::max(settings.num_spheres, 0));

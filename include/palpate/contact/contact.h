@@ -135,6 +135,8 @@ struct ExecutionOptions {
   Isa isa = best_isa();
   ThreadPool* pool = nullptr;  ///< used inside one query; null: only the caller's thread
   int gpu = 0;                 ///< GPU index, for the CUDA backend
+  /// Takes the memory for ContactWants::noise at once; otherwise the first such query allocates.
+  bool reserves_noise = false;
 };
 
 /// Creates a query. Errors: the backend is not in this build or on this machine.

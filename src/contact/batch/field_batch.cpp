@@ -145,7 +145,7 @@ ContactResult FieldBatch::Worker::evaluate(std::size_t pose, BatchPose& at) {
     return nothing(StepStatus::outside_window);
   }
   job.frame = frame_of(field.intrinsics, at.X_CT, query.p_TC_);
-  if (noise) job.noise = noise->patches();
+  if (noise) job.noise = noise->rows();
   FieldSums sums;
   std::optional<StiffnessSums> of_all;
   if (with_stiffness) of_all.emplace();

@@ -96,29 +96,30 @@ struct BallSamples {
   bool is_complete = true;        ///< every part has a value
 };
 
-/// Adds what the values of a ball's parts change: each cuts its own disc, and by the plane of all
-/// of them those of the others.
-inline void add_ball_noise(NoiseWriter& noise, const BallSamples& at,
-                           const BallPlane<Row, float>& plane, float scale, const Row (&weights)[5],
-                           const Row& is_part, const Row* n, const Row& volumes, const Row& discs) {
-  Row by_value = discs;
-  if (plane.is_plane) {
-    NoiseLanes sums{};
-    for (int i = 0; i < 5; ++i) {
-      const Row row = weights[i] * is_part;
-      for (int j = 0; j < kNumVectors; ++j) sums.lanes[i][j % RowSums::kParts] += row.vectors[j];
-    }
-    float X[kNumNoiseSums];
-    add_lanes(sums, X);
+/// Keeps what the values of a ball's parts change: each cuts its own disc, and by the plane of all
+/// of them those of the others. `changes`: of force and torque by a unit of volume.
+inline void keep_ball(NoiseWriter& noise, const BallSamples& at, const BallPlane<Row, float>& plane,
+                      float scale, const Row (&weights)[5], const Row& is_part,
+                      const Row (&changes)[6], const Row& volumes, const Row& discs) {
+  const SumOfRow sum;
+  Row by_value[kNumChanges];
+  for (int k = 0; k < kNumChanges; ++k) {
+    by_value[k] = k == 0 ? discs : discs * changes[k - 1];
+    if (!plane.is_plane) continue;
+    float X[5];
+    for (int i = 0; i < 5; ++i)
+      X[i] = scale * sum(weights[i] * (k == 0 ? is_part : changes[k - 1]));
     for (int i = 0; i < 5; ++i) {
       float moment = 0;
       for (int j = 0; j < 5; ++j) moment += plane.form[i][j] * X[j];
-      by_value = by_value + weights[i] * (scale * moment);
+      by_value[k] = by_value[k] + weights[i] * moment;
     }
   }
   for (int i = 0; i < kNumVectors; ++i) {
-    noise.add(i % RowSums::kParts, at.lanes[i], at.place[i], volumes.vectors[i],
-              by_value.vectors[i], {n[0].vectors[i], n[1].vectors[i], n[2].vectors[i]});
+    VecF change[kNumChanges];
+    for (int k = 0; k < kNumChanges; ++k) change[k] = by_value[k].vectors[i];
+    noise.keep(at.lanes[i], at.place[i], volumes.vectors[i], change,
+               {changes[0].vectors[i], changes[1].vectors[i], changes[2].vectors[i]});
   }
 }
 
@@ -180,7 +181,7 @@ template <bool kWithStiffness>
   Row weights[5] = {};
   if (plane.is_plane) form_weights(parts, plane.residual, weights);
   if (noise != nullptr) {
-    add_ball_noise(*noise, at, plane, twice, weights, parts.is_part, n, volumes, discs);
+    keep_ball(*noise, at, plane, twice, weights, parts.is_part, changes, volumes, discs);
   }
   if constexpr (kWithStiffness) {
     if (!plane.is_plane) return;

@@ -39,10 +39,12 @@ FieldContact::FieldContact(std::shared_ptr<const ToolIndex> index, const FieldMe
       p_TC_(this->index()->tool().sphere_mass().center_of_mass),
       kernels_(field_contact_kernels(execution.isa)),
       pool_(execution.pool != nullptr ? execution.pool : &own_pool_),
-      noise_(elements_->clusters.num_groups(), execution.isa, kMaxCameras),
+      noise_(elements_->clusters.num_groups(), execution.isa),
       group_sums_(2 * static_cast<std::size_t>(elements_->clusters.num_groups())),
       unseen_(static_cast<std::size_t>(elements_->clusters.num_groups())),
-      hull_(std::make_unique<DepthHull>(*elements_, p_TC_, execution.isa)) {}
+      hull_(std::make_unique<DepthHull>(*elements_, p_TC_, execution.isa)) {
+  if (execution.reserves_noise) noise_.rows();
+}
 
 FieldContact::~FieldContact() = default;
 
@@ -81,7 +83,7 @@ ContactResult FieldContact::measure_one(const SurfaceView& from, const SurfaceVi
   ContactResult results[2];
   if (alpha >= 1) {
     evaluate({fields, 1}, X, wants, results);
-  } else if (have_one_grid(to.field, from.field)) {
+  } else if (have_one_grid(to.field, from.field) && !wants.noise) {
     evaluate(fields, X, wants, results);
   } else {
     evaluate({fields, 1}, X, wants, results);
@@ -112,8 +114,7 @@ void FieldContact::evaluate(std::span<const DepthFieldView> fields, const Pose& 
     return;
   }
   MeasureJob requested = job(fields, X_WT);
-  const int num_fields = static_cast<int>(fields.size());
-  if (wants.noise) requested.noise = noise_.patches(num_fields);
+  if (wants.noise) requested.noise = noise_.rows();
   pool_->parallel_for(requested.clusters->num_groups(), [&](int group) {
     kernels_.measure_group(requested, group, with_stiffness,
                            &group_sums_[2 * static_cast<std::size_t>(group)]);
@@ -131,9 +132,8 @@ void FieldContact::evaluate(std::span<const DepthFieldView> fields, const Pose& 
       results[k].moments = stiffness.moments();
     }
     keep_bounds(results[k]);
-    if (!wants.noise) continue;
-    results[k].noise = noise_.of_field(fields[k], requested.frame, static_cast<int>(k), num_fields);
   }
+  if (wants.noise) results->noise = noise_.of_field(fields.front(), requested.frame);
 }
 
 void FieldContact::describe(const DepthFieldView& field, const Pose& X_WT,

@@ -76,7 +76,7 @@ struct MeasureJob {
   DepthFieldView fields[2];               ///< of one camera and one size
   int num_fields = 1;
   FieldFrame frame;
-  NoisePatches noise = {};  ///< if somebody asks; fields of one camera count as cameras
+  NoiseRows noise = {};  ///< of the first field, if somebody asks
 };
 
 /// A job without field and frame.

@@ -64,17 +64,16 @@ template <class Sample, int kFields>
 [[gnu::always_inline]] inline void measure(const MeasureJob& job, int group, GroupSums* to) {
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   GroupTotals<kWithStiffness> totals[kFields], blended[kFields];
-  NoiseLanes of_fields[kFields];
-  NoiseWriter noise(job.noise, group, of_fields);
-  for (GroupTotals<kWithStiffness>& each : totals) each.noise = noise.wants() ? &noise : nullptr;
+  NoiseWriter noise(job.noise, group);
+  if (noise.wants()) totals[0].noise = &noise;
   std::uint32_t near[kNumClusters];
   if (!find_near<kFields>(job, group, near)) {
     noise.finish();
     std::fill_n(to, kFields, GroupSums{});
     return;
   }
-  const auto place_of = [&](const Lanes& e, int field) {
-    return noise.wants() ? noise_place(job.frame, e, field) : NoisePlace{};
+  const auto place_of = [&](const Lanes& e) {
+    return noise.wants() ? noise_place(job.frame, e, kNotTurned, 0) : NoisePlace{};
   };
   const Grid grid(job.fields[0]);
   Pixels fields[kFields];
@@ -88,7 +87,7 @@ template <class Sample, int kFields>
   for (int i = 0; i < num_wholes; ++i) {
     for (int k = 0; k < kFields; ++k) {
       wholes[k].take(job, group, i, answers.lanes[i], answers.fields[i].is_touching[k],
-                     in_space(job.frame, answers, i, k), place_of(answers.lanes[i], k));
+                     in_space(job.frame, answers, i, k), place_of(answers.lanes[i]));
     }
   }
   for (int number = 0; number < kNumClusters; ++number) {
@@ -114,7 +113,7 @@ template <class Sample, int kFields>
         for (int i = 0; i < kNumVectors; ++i) {
           const Lanes& e = ball.lanes[i] = answers.lanes[i];
           ball.is_touching[i] = answers.fields[i].is_touching[k];
-          ball.place[i] = place_of(e, k);
+          ball.place[i] = place_of(e);
           ball.is_complete &= mask_bits(~(e.lz + job.frame.p_WC[2] > splat(kMinDepth))) == 0;
           ball.field[i] = in_space(job.frame, answers, i, k);
           // Limited, as in the depth hull.
@@ -130,13 +129,12 @@ template <class Sample, int kFields>
         if (mask_bits(is_touching) == 0) continue;
         const SpaceCurvature<VecF> field = in_space(job.frame, answers, i, k);
         const SpaceGradient<VecF>& g = field.first;
-        elements.place = place_of(answers.lanes[i], k);
+        elements.place = place_of(answers.lanes[i]);
         elements.add(job.elements, begin + static_cast<std::size_t>(i * kLanes), answers.lanes[i],
                      is_touching, g.phi, {g.x, g.y, g.z}, field.h, i % RowSums::kParts);
       }
       if (share > 0) wholes[k].add(number, blended[k], totals[k]);
     }
-    noise.finish_cluster();
   }
   for (int k = 0; k < kFields; ++k) wholes[k].add_to(job, group, totals[k]);
   noise.finish();

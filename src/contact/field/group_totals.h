@@ -94,7 +94,7 @@ struct GroupTotals {
     const VecF length = length_of(n);
     const Gradient3<VecF> shortened = bounded(n, length);
     add_measure(rows, slot, e, phi, cut, shortened, part, totals);
-    if (noise != nullptr) noise->add(part, e, place, share * cut.volume, share * disc, shortened);
+    if (noise != nullptr) noise->keep(e, place, share * cut.volume, share * disc, shortened);
     if constexpr (kWithStiffness) {
       const VecF factor = load(rows.factor + slot);
       VecF terms[StiffnessSums::kNum];

@@ -89,9 +89,7 @@ class Wholes {
                          select(ball.share.value < splat(1.0f), VecF{}, load(rows.counted + slot)));
     const VecF polar = load(job.whole_polar + slot);
     // The volume of a ball that lies deep does not change.
-    if (to.noise != nullptr) {
-      to.noise->add_wholes(e.radius, ball.place, terms.volume, all, polar, shortened);
-    }
+    if (to.noise != nullptr) to.noise->keep(e, ball.place, terms.volume, VecF{}, shortened);
     if constexpr (kWithStiffness) {
       const Gradient3<VecF> l{e.lx, e.ly, e.lz};
       Symmetric<VecF> h{};

@@ -168,10 +168,11 @@ std::optional<MeasureNoise> DepthHull::noise_of_cameras(NoiseMemory& noise) cons
     const HullCamera& camera = job_->cameras[k];
     const DepthFieldView& field = camera.field.fields[0];
     if (field.noise == nullptr) return std::nullopt;
-    NoiseCamera view = noise_camera(camera.field.frame);
+    const FieldFrame& frame = camera.field.frame;
+    NoiseCamera view{.fx = frame.fx, .fy = frame.fy, .cx = frame.cx, .cy = frame.cy};
     std::memcpy(view.R_WC, camera.R_WC[0], sizeof view.R_WC);
     MeasureNoise of_frame;
-    noise.add(k, job_->num_cameras, view, field, of_frame);
+    noise.add(k, view, field, of_frame);
     const double newer = camera.field.num_fields == 2 ? static_cast<double>(camera.progress) : 1;
     sum.add(of_frame, std::hypot(newer, 1 - newer));
   }
@@ -187,7 +188,7 @@ ContactResult DepthHull::measure(std::span<const SurfaceBlend> cameras, const Po
     return result;
   }
   const int num_groups = elements_->clusters.num_groups();
-  if (wants.noise) job_->tool.noise = noise.patches(job_->num_cameras);
+  if (wants.noise) job_->tool.noise = noise.rows();
   pool.parallel_for(num_groups, [&](int group) {
     kernels_.measure_group(*job_, group, wants.stiffness,
                            &group_sums_[static_cast<std::size_t>(group)]);

@@ -49,12 +49,12 @@ class Hull {
   // Returns the places of the elements in the cameras that decided them.
   NoisePlace place() const {
     NoisePlace at{};
-    at.camera = splat(-1);
+    at.camera = splat(-1.0f);
     for (int k = 0; k < job_.num_cameras; ++k) {
       const VecI which = joined.decider == splat(k);
       if (mask_bits(which) == 0) continue;
       const HullCamera& camera = job_.cameras[k];
-      at = chosen(which, noise_place(camera.field.frame, answers_[k].lanes[0], k, camera.R_WC[0]),
+      at = chosen(which, noise_place(camera.field.frame, answers_[k].lanes[0], camera.R_WC[0], k),
                   at);
     }
     return at;

@@ -78,8 +78,7 @@ template <class Sample>
 [[gnu::always_inline]] inline void measure(const HullJob& job, int group, GroupSums* to) {
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   GroupTotals<kWithStiffness> totals, blended;
-  NoiseLanes of_cameras[kMaxCameras];
-  NoiseWriter noise(job.tool.noise, group, of_cameras);
+  NoiseWriter noise(job.tool.noise, group);
   if (noise.wants()) totals.noise = &noise;
   RowSums unseen;
   Wholes<kWithStiffness> wholes;
@@ -147,7 +146,6 @@ template <class Sample>
         if (cluster < job.tool.first_ball) {
           if (known != 0) wholes.add(cluster - first, blended, totals);
           known = 0;
-          noise.finish_cluster();
           return;
         }
         const std::size_t begin = static_cast<std::size_t>(cluster) * kSize;
@@ -158,11 +156,10 @@ template <class Sample>
           parts.lanes[i].radius = radius;
           parts.is_touching[i] = VecI{};
           parts.place[i] = NoisePlace{};
-          parts.place[i].camera = splat(kNoCamera);
+          parts.place[i].camera = splat(-1.0f);
           parts.field[i] = SpaceCurvature<VecF>{{free_limit(radius, kPartExtent * radius)}, {}};
         }
         add_ball(job.tool, begin, parts, totals);
-        noise.finish_cluster();
         parts.is_complete = true;
         known = 0;
       });

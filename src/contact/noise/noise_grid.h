@@ -4,56 +4,56 @@
 // scale is a quadratic B-spline over white noise of the nodes of a grid, as the field is one over
 // its pixels:
 //
-//   eta(u) = sum_c xi_c B_c(u),   so that   variance = sum_scales v sum_c (sum_p S_p B_c(u_p))^2.
+//   eta(u) = sum_c xi_c B_c(u),   so that   variance = sum_scales v sum_c (sum_e S_e B_c(u_e))^2.
 //
-// Patches, the elements of a cluster that one camera decides, are added up in cells about as large
-// as they are, and cells add what they do to the nodes of one grid. Its nodes are as far apart as
-// cells are wide: so a spline spreads a cell over what its elements cover. A wider grid's nodes
-// follow from those of the finer one, since a wide B-spline is a sum of four narrow ones each way.
-// So what sees the same pixels is correlated, and so is what lies within the length of the noise.
+// Elements add what they do to the nodes of one grid, and a wider grid's nodes follow from those of
+// the finer one, since a wide B-spline is a sum of four narrow ones each way. So elements that see
+// the same pixels are correlated, and so are those within the length of the noise.
 #pragma once
 
 #include "src/contact/noise/noise_model.h"
-#include "src/contact/noise/noise_patch.h"
+#include "src/contact/noise/noise_rows.h"
 #include "src/field/internal/field_sample.h"
 
 namespace palpate { inline namespace v0 {
 
-/// Nodes of a grid each way, at most, and the numbers of a node: force, volume, torque, and 0.
-inline constexpr int kNoiseNodes = 18, kNoiseNumbers = 8;
+/// Nodes of a grid each way, at most, and the numbers of a node: volume, force, torque, and 0.
+inline constexpr int kNoiseNodes = 26, kNoiseNumbers = 8;
 
-/// A camera's focal lengths and principal point, where C lies in it, and its axes in W.
-struct NoiseCamera {
-  float fx = 1, fy = 1, cx = 0, cy = 0;
-  float p_WC[3] = {};
-  float R_WC[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-};
-
-/// Extent of the patches of one camera, and means over them.
+/// Extent of the elements of one camera, and sums over them.
 struct NoiseReach {
-  float min_u = 1e9f, max_u = -1e9f, min_v = 1e9f, max_v = -1e9f;  ///< from the principal point
-  float weight = 0, square = 0, depth = 0;                         ///< sums
+  float min_u = 1e9f, max_u = -1e9f, min_v = 1e9f, max_v = -1e9f;  ///< pixels of level 0
+  float weight = 0, level = 0, depth = 0;                          ///< sums
 
-  PALPATE_HOSTDEV void add(const NoisePatch& patch) {
-    min_u = patch.at_u < min_u ? patch.at_u : min_u;
-    max_u = patch.at_u > max_u ? patch.at_u : max_u;
-    min_v = patch.at_v < min_v ? patch.at_v : min_v;
-    max_v = patch.at_v > max_v ? patch.at_v : max_v;
-    weight += patch.weight;
-    square += patch.square - patch.u * patch.at_u - patch.v * patch.at_v;
-    depth += patch.depth;
+  /// Adds an element by the level that it samples and its depth, weighted by what it changes.
+  PALPATE_HOSTDEV void add(const NoiseRows& rows, std::ptrdiff_t element) {
+    const float u = rows.at(NoiseRow::u, element), v = rows.at(NoiseRow::v, element);
+    min_u = u < min_u ? u : min_u;
+    max_u = u > max_u ? u : max_u;
+    min_v = v < min_v ? v : min_v;
+    max_v = v > max_v ? v : max_v;
+    float footprint = rows.at(NoiseRow::footprint, element);
+    const float nearness = rows.at(NoiseRow::inverse_depth, element);
+    // Disc and volume of a ball of that footprint are comparable.
+    const float volume = rows.at(NoiseRow::volume, element);
+    const float disc = rows.change(0, element);
+    const float each = (volume < 0 ? -volume : volume) * nearness + (disc < 0 ? -disc : disc);
+    float of_level = 0;
+    while (footprint >= 2) {
+      footprint *= 0.5f;
+      of_level += 1;
+    }
+    if (footprint > 1) of_level += smooth_step((footprint - 1) * (1 / (kBlendEnd - 1))).value;
+    weight += each;
+    level += each * of_level;
+    depth += each / nearness;
   }
 };
 
-/// Returns the grid of the patches, which is not too large. A square of the width w has the second
-/// moments w^2 / 12, together `square`: nodes are no closer than about half of w.
-PALPATE_HOSTDEV inline CellWindow noise_window(const NoiseReach& reach, const NoiseCamera& camera) {
-  constexpr float of_square = 1.6f, max_level = 10;
+/// Returns the grid of the elements: as fine as the pixels that they sample, but not too large.
+PALPATE_HOSTDEV inline CellWindow noise_window(const NoiseReach& reach) {
   CellWindow window;
-  const float squared = of_square * reach.square / reach.weight;
-  while (static_cast<float>(1 << 2 * window.level) < squared && window.level < max_level) {
-    ++window.level;
-  }
+  window.level = static_cast<int>(reach.level / reach.weight + 0.5f);
   for (;; ++window.level) {
     const float scale = 1 / static_cast<float>(1 << window.level);
     const auto nearest = [&](float pixel) {
@@ -61,10 +61,10 @@ PALPATE_HOSTDEV inline CellWindow noise_window(const NoiseReach& reach, const No
       const int whole = static_cast<int>(cell);
       return cell < static_cast<float>(whole) ? whole - 1 : whole;
     };
-    window.left = nearest(reach.min_u + camera.cx) - 1;
-    window.right = nearest(reach.max_u + camera.cx) + 1;
-    window.top = nearest(reach.min_v + camera.cy) - 1;
-    window.bottom = nearest(reach.max_v + camera.cy) + 1;
+    window.left = nearest(reach.min_u) - 1;
+    window.right = nearest(reach.max_u) + 1;
+    window.top = nearest(reach.min_v) - 1;
+    window.bottom = nearest(reach.max_v) + 1;
     if (window.right - window.left < kNoiseNodes && window.bottom - window.top < kNoiseNodes) break;
   }
   return window;
@@ -75,16 +75,55 @@ struct NodeWeights {
   int first;
   float value[3], slope[3];
 };
-/// Returns them for a place, in pixels of level 0, in the cells from `first` to `last`, of which a
-/// mean may be beyond by rounding.
-PALPATE_HOSTDEV inline NodeWeights node_weights(float pixel, int first, int last, float scale) {
-  const float at = (pixel + 0.5f) * scale - static_cast<float>(first);  // in cells
-  const int nearest = static_cast<int>(at), end = last - first - 1;
-  const int node = nearest < 1 ? 1 : nearest > end ? end : nearest;
+/// Returns them for a place in pixels of level 0.
+PALPATE_HOSTDEV inline NodeWeights node_weights(float pixel, int begin, float scale) {
+  const float at = (pixel + 0.5f) * scale - static_cast<float>(begin);  // in cells
+  const int node = static_cast<int>(at);                                // not negative
   const float t = at - static_cast<float>(node) - 0.5f, a = 0.5f - t, b = 0.5f + t;
   return {node - 1,
           {0.5f * a * a, 0.75f - t * t, 0.5f * b * b},
           {-a * scale, -2 * t * scale, b * scale}};
+}
+
+/// Changes by an element for each meter of depth at its place, and for each meter per pixel.
+struct NoiseChange {
+  float by_depth[kNoiseNumbers], by_u[kNoiseNumbers], by_v[kNoiseNumbers];
+};
+/// A camera's focal lengths and principal point, and its axes in W.
+struct NoiseCamera {
+  float fx = 1, fy = 1, cx = 0, cy = 0;
+  float R_WC[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+};
+/// Writes what a change of the gradient by `j` does to a force of one element: that part of it
+/// which is along n is none, as a gradient has a length of 1.
+PALPATE_HOSTDEV inline void set_turned(float volume, const float (&j)[3], const float (&n)[3],
+                                       const float (&l)[3], float (&to)[kNoiseNumbers]) {
+  const float along = j[0] * n[0] + j[1] * n[1] + j[2] * n[2];
+  to[0] = to[7] = 0;
+  for (int axis = 0; axis < 3; ++axis) to[1 + axis] = volume * (j[axis] - along * n[axis]);
+  to[4] = l[1] * to[3] - l[2] * to[2];
+  to[5] = l[2] * to[1] - l[0] * to[3];
+  to[6] = l[0] * to[2] - l[1] * to[1];
+}
+PALPATE_HOSTDEV inline NoiseChange noise_change(const NoiseRows& rows, std::ptrdiff_t element,
+                                                const NoiseCamera& camera) {
+  const auto at = [&](NoiseRow row) { return rows.at(row, element); };
+  const float l[3] = {at(NoiseRow::lx), at(NoiseRow::ly), at(NoiseRow::lz)};
+  const float n[3] = {at(NoiseRow::nx), at(NoiseRow::ny), at(NoiseRow::nz)};
+  const float moved = at(NoiseRow::volume) * at(NoiseRow::inverse_depth);
+  const float x = at(NoiseRow::u) - camera.cx, y = at(NoiseRow::v) - camera.cy;
+  const auto& R = camera.R_WC;
+  NoiseChange change;
+  for (int k = 0; k < kNumChanges; ++k) change.by_depth[k] = rows.change(k, element);
+  change.by_depth[kNumChanges] = 0;
+  // The pixel of a place moves by (fx, 0, -x) / z and (0, fy, -y) / z along the camera's axes.
+  const float by_x[3] = {R[0][0] * camera.fx - R[0][2] * x, R[1][0] * camera.fx - R[1][2] * x,
+                         R[2][0] * camera.fx - R[2][2] * x};
+  const float by_y[3] = {R[0][1] * camera.fy - R[0][2] * y, R[1][1] * camera.fy - R[1][2] * y,
+                         R[2][1] * camera.fy - R[2][2] * y};
+  set_turned(moved, by_x, n, l, change.by_u);
+  set_turned(moved, by_y, n, l, change.by_v);
+  return change;
 }
 
 }}  // namespace palpate::v0

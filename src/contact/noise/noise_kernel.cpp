@@ -1,5 +1,5 @@
-// The noise of a measure from the patches that it touches (noise_grid.h), compiled once per
-// instruction set.
+// The noise of a measure from the elements that touch (noise_grid.h), compiled once per instruction
+// set.
 #include <cstring>
 
 #include "src/contact/noise/noise_sums.h"
@@ -9,78 +9,12 @@ namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {
 
 using Numbers = float __attribute__((vector_size(kNoiseNumbers * sizeof(float))));
-using Four = float __attribute__((vector_size(4 * sizeof(float))));  // x, y, z, and one more
 
-inline Four four(const float (&xyz)[3]) { return Four{xyz[0], xyz[1], xyz[2], 0}; }
-inline Four cross(Four a, Four b) {
-  return __builtin_shufflevector(a, a, 1, 2, 0, 3) * __builtin_shufflevector(b, b, 2, 0, 1, 3) -
-         __builtin_shufflevector(a, a, 2, 0, 1, 3) * __builtin_shufflevector(b, b, 1, 2, 0, 3);
+inline Numbers numbers_of(const float (&from)[kNoiseNumbers]) {
+  Numbers numbers;
+  std::memcpy(&numbers, from, sizeof numbers);
+  return numbers;
 }
-/// Joins a force, a volume behind it, and the torque that the force has at lever l.
-inline Numbers numbers_of(Four force, Four l) {
-  return __builtin_shufflevector(force, cross(l, force), 0, 1, 2, 3, 4, 5, 6, 7);
-}
-
-/// A camera, and its axes in W as vectors.
-struct CameraAxes {
-  explicit CameraAxes(const NoiseCamera& of) : camera(of) {
-    const auto& R = of.R_WC;
-    for (int axis = 0; axis < 3; ++axis) axes[axis] = Four{R[0][axis], R[1][axis], R[2][axis], 0};
-  }
-  const NoiseCamera& camera;
-  Four axes[3];
-};
-
-/// Changes by a cell for each meter of depth at its place, and for each meter per pixel.
-struct NoiseChange {
-  Numbers by_depth, by_u, by_v;
-};
-inline NoiseChange noise_change(const NoisePatch& cell, const CameraAxes& from) {
-  const NoiseCamera& camera = from.camera;
-  const float share = 1 / cell.weight, z = cell.depth * share;
-  const float u = cell.u * share, v = cell.v * share;
-  const Four n = share * four(cell.n);
-  const Four l = (u * z / camera.fx - camera.p_WC[0]) * from.axes[0] +
-                 (v * z / camera.fy - camera.p_WC[1]) * from.axes[1] +
-                 (z - camera.p_WC[2]) * from.axes[2];
-  NoiseChange change;
-  change.by_depth = numbers_of(cell.disc * (n + Four{0, 0, 0, 1}), l);
-  // The pixel of a place moves by (fx, 0, -x) / z and (0, fy, -y) / z along the camera's axes. The
-  // gradient turns by that, less what is along n, as it has a length of 1.
-  const auto turned = [&](Four j) {
-    const Four along = j * n;
-    return numbers_of(cell.moved * (j - (along[0] + along[1] + along[2]) * n), l);
-  };
-  change.by_u = turned(camera.fx * from.axes[0] - u * from.axes[2]);
-  change.by_v = turned(camera.fy * from.axes[1] - v * from.axes[2]);
-  return change;
-}
-
-/// Sums of patches by the node that is nearest.
-struct PatchCells {
-  using Sums = float __attribute__((vector_size(sizeof(NoisePatch))));
-  NoisePatch cells[kNoiseNodes][kNoiseNodes];
-
-  void clear(const CellWindow& window) {
-    for (int v = 0; v <= window.bottom - window.top; ++v) {
-      std::memset(cells[v], 0,
-                  static_cast<std::size_t>(window.right - window.left + 1) * sizeof(NoisePatch));
-    }
-  }
-  void add(const NoisePatch& patch, const NoiseCamera& camera, const CellWindow& window,
-           float scale) {
-    const auto place = [&](float pixel, int begin) {
-      return static_cast<int>((pixel + 0.5f) * scale - static_cast<float>(begin));
-    };
-    NoisePatch& cell = cells[place(patch.at_v + camera.cy, window.top)]
-                            [place(patch.at_u + camera.cx, window.left)];
-    Sums sum, more;
-    std::memcpy(&sum, &cell, sizeof sum);
-    std::memcpy(&more, &patch, sizeof more);
-    sum += more;
-    std::memcpy(&cell, &sum, sizeof sum);
-  }
-};
 
 /// Nodes in rows of kNoiseNodes.
 struct NodeGrid {
@@ -95,13 +29,12 @@ struct NodeGrid {
     }
   }
 
-  void add(const NoisePatch& cell, const CameraAxes& from, float scale) {
-    const auto [by_depth, by_u, by_v] = noise_change(cell, from);
-    const float share = 1 / cell.weight;
-    const NodeWeights u =
-        node_weights(cell.u * share + from.camera.cx, window.left, window.right, scale);
-    const NodeWeights v =
-        node_weights(cell.v * share + from.camera.cy, window.top, window.bottom, scale);
+  void add(const NoiseRows& rows, std::ptrdiff_t element, const NoiseCamera& camera, float scale) {
+    const NoiseChange change = noise_change(rows, element, camera);
+    const Numbers by_depth = numbers_of(change.by_depth), by_u = numbers_of(change.by_u),
+                  by_v = numbers_of(change.by_v);
+    const NodeWeights u = node_weights(rows.at(NoiseRow::u, element), window.left, scale);
+    const NodeWeights v = node_weights(rows.at(NoiseRow::v, element), window.top, scale);
     for (int q = 0; q < 3; ++q) {
       const Numbers plain = by_depth * v.value[q] + by_v * v.slope[q], sloped = by_u * v.value[q];
       Numbers* const row = &nodes[v.first + q][u.first];
@@ -111,16 +44,23 @@ struct NodeGrid {
 
   /// Adds the sums of squares over all nodes, and those of products of neighboring axes.
   void add_squares(float variance, MeasureNoise& to) const {
+    using Places = std::int32_t __attribute__((vector_size(kNoiseNumbers * sizeof(float))));
+    constexpr Places turned = {0, 2, 3, 1, 5, 6, 4, 7};
     Numbers squares{}, products{};
     for (int v = 0; v <= window.bottom - window.top; ++v) {
       for (int u = 0; u <= window.right - window.left; ++u) {
         const Numbers node = nodes[v][u];
         squares += node * node;
-        products += node * __builtin_shufflevector(node, node, 1, 2, 0, 3, 5, 6, 4, 7);
+#if defined(__clang__)
+        products += node * __builtin_shufflevector(node, node, 0, 2, 3, 1, 5, 6, 4, 7);
+#else
+        products += node * __builtin_shuffle(node, turned);
+#endif
       }
     }
     add_variances(reinterpret_cast<const float*>(&squares),
                   reinterpret_cast<const float*>(&products), variance, to);
+    (void)turned;
   }
 
   /// Becomes the grid of the next wider level.
@@ -147,39 +87,30 @@ struct NodeGrid {
   }
 };
 
-/// Calls f(patch) for the patches of a camera.
+/// Calls f(element) for the elements of a camera that change something.
 template <class F>
-void for_patches(const NoisePatches& patches, int camera, const F& f) {
-  for (int group = 0; group < patches.num_groups; ++group) {
-    const NoisePatch* const first = patches.of_group(group);
-    for (int i = 0; i < patches.num[group]; ++i) {
-      if (first[i].camera == static_cast<float>(camera)) f(first[i]);
+void for_elements(const NoiseSums& sums, int camera, const F& f) {
+  for (int group = 0; group < sums.num_groups; ++group) {
+    const std::ptrdiff_t first = first_noise_row(group);
+    for (std::ptrdiff_t i = first; i < first + sums.rows.num[group]; ++i) {
+      if (sums.rows.change(0, i) == 0 && sums.rows.at(NoiseRow::volume, i) == 0) continue;
+      if (sums.rows.at(NoiseRow::camera, i) == static_cast<float>(camera)) f(i);
     }
   }
 }
 
 }  // namespace
 
-void add_measure_noise(const NoisePatches& patches, int camera, const NoiseCamera& view,
+void add_measure_noise(const NoiseSums& sums, int camera, const NoiseCamera& view,
                        const DepthFieldView& field, MeasureNoise& to) {
   NoiseReach reach;
-  for_patches(patches, camera, [&](const NoisePatch& patch) { reach.add(patch); });
+  for_elements(sums, camera, [&](std::ptrdiff_t i) { reach.add(sums.rows, i); });
   if (!(reach.weight > 0) || field.noise == nullptr) return;
   NodeGrid grids[2];
   int now = 0;
-  grids[now].clear(noise_window(reach, view));
-  const CellWindow& window = grids[now].window;
-  const float scale = 1 / static_cast<float>(1 << window.level);
-  PatchCells sums;
-  sums.clear(window);
-  for_patches(patches, camera,
-              [&](const NoisePatch& patch) { sums.add(patch, view, window, scale); });
-  const CameraAxes axes(view);
-  for (int v = 1; v < window.bottom - window.top; ++v) {
-    for (int u = 1; u < window.right - window.left; ++u) {
-      if (sums.cells[v][u].weight > 0) grids[now].add(sums.cells[v][u], axes, scale);
-    }
-  }
+  grids[now].clear(noise_window(reach));
+  const float scale = 1 / static_cast<float>(1 << grids[now].window.level);
+  for_elements(sums, camera, [&](std::ptrdiff_t i) { grids[now].add(sums.rows, i, view, scale); });
   NoiseScales scales = noise_scales(*field.noise, reach.depth / reach.weight);
   place_scales(field, grids[now].window, scales);
   const int first = grids[now].window.level;

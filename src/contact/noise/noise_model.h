@@ -20,7 +20,7 @@ struct NoiseScales {
 
 /// Returns them at a depth. Noise that is nearly white at one scale is so at the next wider one:
 /// the excess of a level's variance over what it would be of white noise grows at most fourfold.
-/// More is shape, where shape may have a part.
+/// More is shape.
 PALPATE_HOSTDEV inline NoiseScales noise_scales(const FrameNoise& noise, float z) {
   constexpr float white = 0.25f, max_growth = 4;
   NoiseScales scales;
@@ -28,7 +28,7 @@ PALPATE_HOSTDEV inline NoiseScales noise_scales(const FrameNoise& noise, float z
   for (int k = 0; k < kNumNoiseLevels; ++k) {
     const float sd = noise.base[k] + noise.growth[k] * z * z;
     float variance = sd * sd * static_cast<float>(1 / kDetailShare);
-    if (k > 0 && !noise.is_whole) {
+    if (k > 0) {
       const float upper = share * before, lower = white * before;
       variance = variance > upper ? upper : variance;
       variance = variance < lower ? lower : variance;
@@ -51,7 +51,7 @@ struct CellWindow {
 /// the level's cells.
 PALPATE_HOSTDEV inline float noise_left(const DepthFieldView& field, const CellWindow& window,
                                         float variance) {
-  constexpr int max_steps = 4;          // cells each way
+  constexpr int max_steps = 8;          // cells each way
   constexpr float limit = 4;            // variances
   constexpr float normal_mean = 0.92f;  // of a limited square of noise
   if (window.level >= field.num_levels) return 1;

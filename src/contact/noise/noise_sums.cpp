@@ -3,7 +3,7 @@
 #include "src/core/internal/select_isa.h"
 
 namespace palpate { inline namespace v0 {
-PALPATE_DECLARE_KERNELS(void add_measure_noise(const NoisePatches& patches, int camera,
+PALPATE_DECLARE_KERNELS(void add_measure_noise(const NoiseSums& sums, int camera,
                                                const NoiseCamera& view, const DepthFieldView& field,
                                                MeasureNoise& to);
                         constexpr AddMeasureNoise kMeasureNoise = add_measure_noise;)
@@ -14,18 +14,14 @@ constexpr AddMeasureNoise kNoiseKernels[] = PALPATE_BY_ISA(kMeasureNoise);
 
 }  // namespace
 
-NoiseMemory::NoiseMemory(int num_groups, Isa isa, int max_cameras)
-    : patches_(new NoisePatch[static_cast<std::size_t>(NoisePatches::kPerGroup * max_cameras) *
-                              static_cast<std::size_t>(num_groups)]),
-      num_(static_cast<std::size_t>(num_groups)),
-      add_(select_isa(kNoiseKernels, isa)) {}
+NoiseMemory::NoiseMemory(int num_groups, Isa isa)
+    : num_(static_cast<std::size_t>(num_groups)), add_(select_isa(kNoiseKernels, isa)) {}
 
 std::optional<MeasureNoise> NoiseMemory::of_field(const DepthFieldView& field,
-                                                  const FieldFrame& frame, int number,
-                                                  int num_fields) {
+                                                  const FieldFrame& frame) {
   if (field.noise == nullptr) return std::nullopt;
   MeasureNoise noise;
-  add(number, num_fields, noise_camera(frame), field, noise);
+  add(0, {.fx = frame.fx, .fy = frame.fy, .cx = frame.cx, .cy = frame.cy}, field, noise);
   return noise;
 }
 

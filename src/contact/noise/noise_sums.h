@@ -1,7 +1,6 @@
-// The memory in which a query keeps the patches that it touches, and the noise of its measure.
+// The memory in which a query keeps the elements that touch, and the noise of its measure.
 #pragma once
 
-#include <memory>
 #include <optional>
 #include <vector>
 
@@ -12,6 +11,12 @@
 
 namespace palpate { inline namespace v0 {
 
+/// Elements of all groups.
+struct NoiseSums {
+  NoiseRows rows;
+  int num_groups = 0;
+};
+
 /// Adds the variance of one scale: `squares` of the numbers of a node, and `products` of each with
 /// the next axis.
 inline void add_variances(const float* squares, const float* products, float variance,
@@ -19,53 +24,42 @@ inline void add_variances(const float* squares, const float* products, float var
   const auto times = [&](float sum) {
     return static_cast<double>(variance) * static_cast<double>(sum);
   };
-  to.volume += times(squares[3]);
+  to.volume += times(squares[0]);
   for (int axis = 0; axis < 3; ++axis) {
     const int next = (axis + 1) % 3;
-    to.force.m[axis][axis] += times(squares[axis]);
+    to.force.m[axis][axis] += times(squares[1 + axis]);
     to.torque.m[axis][axis] += times(squares[4 + axis]);
-    to.force.m[axis][next] = to.force.m[next][axis] += times(products[axis]);
+    to.force.m[axis][next] = to.force.m[next][axis] += times(products[1 + axis]);
     to.torque.m[axis][next] = to.torque.m[next][axis] += times(products[4 + axis]);
   }
 }
 
-/// Adds the noise that one camera causes by the patches that it decides.
-using AddMeasureNoise = void (*)(const NoisePatches& patches, int camera, const NoiseCamera& view,
+/// Adds the noise that one camera causes by the elements that it decides.
+using AddMeasureNoise = void (*)(const NoiseSums& sums, int camera, const NoiseCamera& view,
                                  const DepthFieldView& field, MeasureNoise& to);
 
-/// Owns the patches of a tool. What nobody asks for stays untouched.
+/// Owns the rows of a tool's elements, from the first call of `rows` on: they take five times the
+/// memory of all else.
 class NoiseMemory {
  public:
-  /// Has room for the patches of up to `max_cameras` cameras, or fields.
-  NoiseMemory(int num_groups, Isa isa, int max_cameras = 1);
+  NoiseMemory(int num_groups, Isa isa);
 
-  /// No allocation.
-  NoisePatches patches(int num_cameras = 1) {
-    return {patches_.get(), num_.data(), static_cast<int>(num_.size()), num_cameras};
+  NoiseRows rows() {
+    const std::ptrdiff_t num_elements = first_noise_row(static_cast<int>(num_.size()));
+    if (numbers_.empty()) numbers_.resize(kNumNoiseRows * static_cast<std::size_t>(num_elements));
+    return {numbers_.data(), num_elements, num_.data()};
   }
   /// Adds the noise of one of several cameras.
-  void add(int camera, int num_cameras, const NoiseCamera& view, const DepthFieldView& field,
-           MeasureNoise& to) {
-    add_(patches(num_cameras), camera, view, field, to);
+  void add(int camera, const NoiseCamera& view, const DepthFieldView& field, MeasureNoise& to) {
+    add_({rows(), static_cast<int>(num_.size())}, camera, view, field, to);
   }
-  /// Returns the noise against one of the fields of one camera, in its frame. None: its noise is
-  /// unknown.
-  std::optional<MeasureNoise> of_field(const DepthFieldView& field, const FieldFrame& frame,
-                                       int number = 0, int num_fields = 1);
+  /// Returns the noise against one field, in its frame. None: its noise is unknown.
+  std::optional<MeasureNoise> of_field(const DepthFieldView& field, const FieldFrame& frame);
 
  private:
-  std::unique_ptr<NoisePatch[]> patches_;
+  std::vector<float> numbers_;
   std::vector<int> num_;
   AddMeasureNoise add_;
 };
-
-/// Returns a camera whose axes are those of W.
-inline NoiseCamera noise_camera(const FieldFrame& frame) {
-  return {.fx = frame.fx,
-          .fy = frame.fy,
-          .cx = frame.cx,
-          .cy = frame.cy,
-          .p_WC = {frame.p_WC[0], frame.p_WC[1], frame.p_WC[2]}};
-}
 
 }}  // namespace palpate::v0
