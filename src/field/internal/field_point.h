@@ -29,8 +29,9 @@ PALPATE_HOSTDEV inline Sample sample_image(const DepthFieldView& field,
                                            Real(1) / z, radius);
 }
 
-/// phi for a sphere of this radius (m) at p_C, and its gradient. In front of kMinDepth: 2 radii,
-/// gradient 0. NaN where p_C is not finite (poses that are not finite never come to the kernels).
+/// phi for a sphere of this radius (m) at p_C, and its gradient. In front of kMinDepth, and without
+/// a field: 2 radii, gradient 0. NaN where p_C is not finite (poses that are not finite never come
+/// to the kernels).
 template <class Real>
 struct FieldSample {
   Real phi;
@@ -41,7 +42,7 @@ PALPATE_HOSTDEV inline FieldSample<Real> sample_field(const DepthFieldView& fiel
                                                       const Vec3<Real>& p_C, Real radius) {
   const Real z = p_C.z, none = Real(NAN);
   if (!is_place(p_C)) return {none, {none, none, none}};
-  if (!(z > Real(kMinDepth))) return {2 * radius, {}};
+  if (field.num_levels == 0 || !(z > Real(kMinDepth))) return {2 * radius, {}};
   const PixelPosition<Real> at = project(field.intrinsics, p_C);
   const auto g = sample_image<ImageGradient<Real>>(field, at, z, radius);
   const Gradient3<Real> n =
@@ -64,7 +65,7 @@ inline CurvedFieldSample sample_field_curvature(const DepthFieldView& field, con
     return {
         none, {none, none, none}, {{{none, none, none}, {none, none, none}, {none, none, none}}}};
   }
-  if (!(z > static_cast<double>(kMinDepth))) return {2 * radius, {}, {}};
+  if (field.num_levels == 0 || !(z > static_cast<double>(kMinDepth))) return {2 * radius, {}, {}};
   const PixelPosition<double> at = project(field.intrinsics, p_C);
   const auto c = sample_image<ImageCurvature<double>>(field, at, z, radius);
   const float fx = static_cast<float>(field.intrinsics.fx);
