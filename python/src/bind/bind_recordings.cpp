@@ -4,6 +4,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <cmath>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -24,6 +25,7 @@ class Columns {
     next_ = 0;
     visit("", record);
     ++num_rows_;
+    for (auto& column : columns_) column.second.resize(num_rows_, NAN);
   }
 
   nb::dict arrays() && {
@@ -44,7 +46,12 @@ class Columns {
       for (std::uint32_t k = 0; k < value.num; ++k) {
         visit(name + "." + std::to_string(k), value.of[k]);
       }
-    } else if constexpr (requires { value.m[5][5]; }) {
+    } else if constexpr (requires { value.has_value(); }) {
+      if (value) visit(name, *value);  // the last of a record: what lacks it has NaN there
+    } else if constexpr (requires {
+                           requires std::extent_v<decltype(value.m)>
+                           == 6;
+                         }) {
       for (int row = 0; row < 6; ++row) {
         for (int column = 0; column < 6; ++column) {
           append(name + "." + std::to_string(row) + std::to_string(column), value.m[row][column]);
@@ -58,7 +65,7 @@ class Columns {
   }
 
   void append(const std::string& name, double value) {
-    if (next_ == columns_.size()) columns_.emplace_back(name, std::vector<double>());
+    if (next_ == columns_.size()) columns_.emplace_back(name, std::vector<double>(num_rows_, NAN));
     columns_[next_++].second.push_back(value);
   }
 
