@@ -175,7 +175,7 @@ TEST_F(CloudStreams, OrganizedCloudsAreTheSameFramesAsTheirPngs) {
   ASSERT_EQ(pngs.frames.size(), 3u) << pngs.error;
   std::vector<std::string> uris{write_folder("pcd", organized)};
   for (const CloudLayout& layout : CloudLayout::three()) {
-    uris.push_back(write_bag("a" + std::to_string(uris.size()) + ".mcap", organized, layout));
+    uris.push_back(write_bag(std::to_string(uris.size()) + "a.mcap", organized, layout));
   }
   std::string records = test::ros1_connection(0, "/points", "sensor_msgs/PointCloud2");
   for (std::uint32_t k = 0; k < 3; ++k) {
@@ -208,7 +208,7 @@ TEST_F(CloudStreams, UnorganizedCloudsHaveTheVolumeOfTheirPngs) {
   ASSERT_EQ(pngs.frames.size(), 3u) << pngs.error;
   std::vector<std::string> uris{write_folder("pcd", unorganized), write_folder("ply", unorganized)};
   for (const CloudLayout& layout : CloudLayout::three()) {
-    uris.push_back(write_bag("u" + std::to_string(uris.size()) + ".mcap", unorganized, layout));
+    uris.push_back(write_bag(std::to_string(uris.size()) + "u.mcap", unorganized, layout));
   }
   for (const std::string& uri : uris) {
     const Seen clouds = see(uri);
