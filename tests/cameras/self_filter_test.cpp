@@ -364,7 +364,7 @@ class ArmInContact : public testing::Test {
     return {surface, surface, 1};
   }
   Penetration felt(const SurfaceBlend& view, const Vec3d& at) const {
-    return query_->measure({&view, 1}, Pose{at, {}}).penetration;
+    return query_->measure({&view, 1}, Pose{at, {}}, {.unseen_volume = true}).penetration;
   }
 
   const std::vector<DepthFrame> with_ = test::frames_of_arm([](double) { return Pose{}; }, true),
