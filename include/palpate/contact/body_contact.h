@@ -198,18 +198,16 @@ class BodyBatchQuery {
 
   /// Measures each pose of the tool against one body: `body_of_pose` has P indices of bodies, or is
   /// empty if there is one body or each pose has its own. An invalid index gives
-  /// StepStatus::no_surface. The result of a pose is that of BodyPairQuery::measure on the tool,
-  /// whatever else is in the batch: BodyPenetration::on_a and stiffness_a at X_WA = X_WT and X_WB;
-  /// on a CPU to the bit, on a GPU, which takes one launch, to 1e-5 of its results. Errors: sizes
-  /// that do not match; answers in the memory of another device; standard deviations on a GPU.
+  /// StepStatus::no_surface. The result of a pose is that of BodyPairQuery::measure on the tool
+  /// (on_a, stiffness_a at X_WA = X_WT and X_WB): on a CPU to the bit, on a GPU to 1e-5. Errors:
+  /// sizes that do not match; answers on another device; standard deviations on a GPU.
   virtual Status measure(std::span<const Pose> X_WT, std::span<const std::int32_t> body_of_pose,
                          const BatchAnswers& answers) const = 0;
 };
 
 /// Creates a batch query: on a CPU over the threads of `pool` (null: only the caller's), on a GPU
-/// with BodyMethod::field alone. Bodies with the same index share its data; a shape without a
-/// stored field computes one now, in about a second. Errors: no body; a body without a shape; the
-/// backend is not in this build or on this machine; out of GPU memory.
+/// with BodyMethod::field alone. A shape without a stored field computes one now, in about a
+/// second. Errors: no body or shape; the backend is not here; out of GPU memory.
 Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query(
     Backend backend, const std::shared_ptr<const ToolIndex>& tool,
     const std::vector<PlacedBody>& bodies, const BodyPairOptions& options = {},
