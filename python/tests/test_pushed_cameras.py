@@ -150,6 +150,7 @@ def test_points_are_felt_as_their_image(cube):
         pusher.start()
         try:
             run = palpate.touch(cube, pushed, RESTING)
+            run.wait()
         finally:
             is_over.set()
             pusher.join()
