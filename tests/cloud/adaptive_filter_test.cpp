@@ -224,6 +224,31 @@ TEST(AdaptiveFilter, FillsNothingAndLeavesFarSpaceFree) {
   }
 }
 
+// Vectors reach beyond rows of any length, and what they leave there must not be seen later.
+TEST(AdaptiveFilter, RemembersNothingOfEarlierImages) {
+  for (int width = 8; width <= 80; ++width) {
+    const int height = 8 + 37 * width % 48;
+    SCOPED_TRACE(std::to_string(width) + " x " + std::to_string(height));
+    const DepthScene first = with_noise(
+        scene_of(width, height, [&](double u, double) { return u > 0.7 * width ? 0.8 : 1; }), 0.002,
+        0, 1);
+    const DepthScene second =
+        with_noise(scene_of(width, height, [](double, double) { return 1; }), 0.002, 0, 2);
+    const std::vector<float> expected = smoothed(second, adaptive(), 1, Isa::baseline);
+    for (const Isa isa : {Isa::baseline, Isa::avx2, Isa::avx512}) {
+      SurfaceEstimator estimator =
+          SurfaceEstimator::create(width, height, first.intrinsics, adaptive(), isa).value();
+      ThreadPool pool(1);
+      for (int i = 0; i < 3; ++i) estimator.update(first.depth, pool);
+      estimator.update(second.depth, pool);
+      EXPECT_EQ(
+          std::memcmp(expected.data(), estimator.depth().data(), expected.size() * sizeof(float)),
+          0)
+          << isa_name(isa);
+    }
+  }
+}
+
 TEST(AdaptiveFilter, GivesTheSameBitsForAnyThreadsInstructionsAndWindow) {
   for (const auto& [width, height] : {std::pair{131, 77}, std::pair{8, 8}, std::pair{640, 330}}) {
     const DepthScene scene = test::cluttered_scene(width, height, 300, 1.5, 9);

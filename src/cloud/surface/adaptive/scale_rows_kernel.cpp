@@ -126,6 +126,9 @@ void smooth_row(int number, const ScaleLevel* wider, const ScaleNoise& noise,
       const Pairs own = load_pairs(energies + 2 * u);
       store_pairs(energies + 2 * u, {max(own.first, share), max(own.second, share)});
     }
+    // The next image's wider cells read a cell beyond the end, and its vectors may not reach there.
+    store(energies + level.width, splat(0.0f));
+    store(energies + level.width + kLanes, splat(0.0f));
   }
   for (int u = columns.left; u < columns.right; u += kLanes) {
     const VecF mean = load(means + u), predicted_u = load(predicted + u);
