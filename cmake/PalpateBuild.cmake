@@ -99,6 +99,7 @@ function(palpate_module name)
   target_link_libraries(palpate_${name} PUBLIC palpate_flags ${MODULE_DEPENDS} PRIVATE ${MODULE_LIBRARIES})
   palpate_in_groups(palpate_${name})
   set_property(GLOBAL APPEND PROPERTY PALPATE_MODULES_${MODULE_COMPONENT} palpate_${name})
+  set_property(GLOBAL APPEND PROPERTY PALPATE_ALL_MODULES palpate_${name})
   # A library that was found as a file is linked by its name: its place may differ where ours is
   # installed. Libraries of headers alone are in the objects already.
   foreach(library IN LISTS MODULE_LIBRARIES)
@@ -113,6 +114,12 @@ function(palpate_module name)
       set_property(GLOBAL APPEND PROPERTY PALPATE_LIBRARIES_${MODULE_COMPONENT} ${library})
     endif()
   endforeach()
+endfunction()
+
+# palpate_export_built(): writes what PALPATE_BUILT reads: the libraries and the program of this build folder.
+function(palpate_export_built)
+  get_property(modules GLOBAL PROPERTY PALPATE_ALL_MODULES)
+  export(TARGETS palpate_flags palpate_io ${modules} palpate NAMESPACE built_ FILE "${PROJECT_BINARY_DIR}/palpate_built.cmake")
 endfunction()
 
 # palpate_together(a.cpp b.cpp ...): files of one target that the compiler takes as one, which halves the time
@@ -258,12 +265,13 @@ endfunction()
 set(PALPATE_TEST_COMPUTES PROCESSORS 3)
 set(PALPATE_TEST_BY_CLOCK PROCESSORS 2 RESOURCE_LOCK clock LABELS clock COST 100)
 
-# palpate_test(NAME [LIVE] [THREADED] SOURCES a.cpp ... LIBRARIES ...): one GoogleTest program, found by CTest.
+# palpate_test(NAME [LIVE] [THREADED] SOURCES a.cpp ... [APART b.cpp ...] LIBRARIES ...): one GoogleTest program, found by
+# CTest. SOURCES are compiled together, as palpate_together does; APART are those whose names are others' names, too.
 # LIVE tests run by the clock of the computer: one of them at a time. They and THREADED ones are the target
 # threaded_tests and have the label threads: what the thread sanitizer looks at (make tsan). Time-outs are for
 # what hangs, on a machine that is busy with other things.
 function(palpate_test name)
-  cmake_parse_arguments(TEST "LIVE;THREADED" "" "SOURCES;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(TEST "LIVE;THREADED" "" "SOURCES;APART;LIBRARIES" ${ARGN})
   set(properties TIMEOUT 1800 ${PALPATE_TEST_COMPUTES})
   if(TEST_LIVE)
     set(properties TIMEOUT 1800 ${PALPATE_TEST_BY_CLOCK})
@@ -272,10 +280,12 @@ function(palpate_test name)
     list(APPEND properties LABELS threads)
     set_property(GLOBAL APPEND PROPERTY PALPATE_THREADED_TESTS ${name})
   endif()
-  add_executable(${name} ${TEST_SOURCES})
+  add_executable(${name} ${TEST_SOURCES} ${TEST_APART})
+  set_target_properties(${name} PROPERTIES UNITY_BUILD ${PALPATE_TOGETHER} UNITY_BUILD_BATCH_SIZE 6)
+  set_source_files_properties(${TEST_APART} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   target_link_libraries(${name} PRIVATE palpate_flags palpate_test_util ${TEST_LIBRARIES}
                                         GTest::gtest GTest::gtest_main)
-  target_precompile_headers(${name} REUSE_FROM palpate_test_headers)
+  palpate_precompiled(${name} palpate_test_headers)
   gtest_discover_tests(${name} DISCOVERY_TIMEOUT 300 PROPERTIES ${properties})
 endfunction()
 

@@ -19,12 +19,15 @@ raw=build/wheel/raw
 rm -rf "$raw"
 # As CMake calls them everywhere else: so the compiler cache knows what it has compiled before.
 export CC=${CC:-cc} CXX=${CXX:-c++}
-options=()
-for option in "$@"; do options+=(-C "cmake.args=$option"); done
+options=() built=build/wheel
+for option in -DPALPATE_BUILT= "$@"; do  # not that of an earlier time
+  options+=(-C "cmake.args=$option")
+  case "$option" in -DPALPATE_BUILT=?*) built=${option#*=} ;; esac
+done
 CMAKE_BUILD_PARALLEL_LEVEL=$jobs PATH="$PWD/$tools:$PATH" \
   "$tools/python" -m pip wheel --quiet --no-build-isolation --no-deps --no-index "${options[@]}" -w "$raw" .
 
-scripts/require_pages.sh build/wheel
+scripts/require_pages.sh "$built"
 # What a fresh Linux lacks goes into the wheel. Its C library has to be as new as that of this machine.
 rm -rf build/wheels
 PATH="$PWD/$tools:$PATH" "$tools/auditwheel" repair --only-plat -z 9 -w build/wheels "$raw"/palpate-*.whl >build/wheel/auditwheel.log 2>&1 || {

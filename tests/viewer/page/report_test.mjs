@@ -81,18 +81,22 @@ const empty = (page, selector) => page.evaluate((wanted) =>
     return new Set(data).size < 4;
   }).length, selector);
 
+/// Its 3-D picture, once it stands still.
+async function stillPicture(page) {
+  let before = Buffer.alloc(0);
+  return decoded(await until('a picture that stands still', async () => {
+    const picture = await page.locator('canvas.scene').screenshot();
+    const stands = before.equals(picture);
+    before = picture;
+    return stands && picture;
+  }));
+}
 /// Counts the pixels of its 3-D picture that are as `wanted` says, once it stands still.
 async function count(page, wanted) {
-  let before = null;
-  const number = await until('a picture that stands still', async () => {
-    const picture = await decoded(await page.locator('canvas.scene').screenshot());
-    let found = 0;
-    for (let v = 0; v < picture.height; ++v) for (let u = 0; u < picture.width; ++u) found += wanted(picture.at(u, v)) ? 1 : 0;
-    const stands = found === before;
-    before = found;
-    return stands && [found];
-  });
-  return number[0];
+  const picture = await stillPicture(page);
+  let found = 0;
+  for (let v = 0; v < picture.height; ++v) for (let u = 0; u < picture.width; ++u) found += wanted(picture.at(u, v)) ? 1 : 0;
+  return found;
 }
 /// Recognizes small words in the dark; what else is bright is not bluish.
 const isText = (rgb) => Math.min(...rgb) > 190 && rgb[2] >= rgb[0];
@@ -270,14 +274,10 @@ pageTest('a run: pointing at a plot moves the tool in the picture, which stays i
   const { top, bottom } = await page.evaluate(() => document.querySelector('canvas.scene').getBoundingClientRect().toJSON());
   assert.ok(top >= 0 && bottom <= 900, `${top} to ${bottom}`);
   await page.addStyleTag({ content: '.when { visibility: hidden; }' }); // is in the pictures, too
-  const still = async () => {
-    await count(page, () => false);
-    return decoded(await page.locator('canvas.scene').screenshot());
-  };
-  const early = await still();
+  const early = await stillPicture(page);
   await page.mouse.move(at.x + 0.3 * at.width, at.y + 0.5 * at.height);
   await until('words about a later moment', async () => !(await page.locator('.when').textContent()).startsWith('the tool at 0'));
-  const late = await still();
+  const late = await stillPicture(page);
   let num = 0;
   for (let v = 0; v < early.height; ++v) for (let u = 0; u < early.width; ++u) num += String(early.at(u, v)) === String(late.at(u, v)) ? 0 : 1;
   assert.ok(num > 30 && num < 0.2 * early.width * early.height, `the tool alone has moved: ${num} pixels`);
