@@ -133,10 +133,10 @@ class Guard {
       };
       if (!ending.empty()) return refuse(State::failed, ending);
       if (scene.surfaces.empty()) return refuse(State::stale, "nothing has been measured yet");
-      if (!(age <= touch_.ros.max_age)) {
-        refuse(State::stale, "the depth image is " + number_text(1e3 * age, 3) + " ms old");
-      } else if (!joints) {
+      if (!joints) {  // without which images are dropped, too
         refuse(State::stale, joints.error().message);
+      } else if (!(age <= touch_.ros.max_age)) {
+        refuse(State::stale, "the depth image is " + number_text(1e3 * age, 3) + " ms old");
       } else if (const Status status = measure(scene, *joints, guard); !status) {
         refuse(State::failed, status.error().message);
       }

@@ -139,9 +139,13 @@ std::size_t RobotContact::Impl::place(const RobotPoses& poses, std::size_t first
   return num;
 }
 
-ScenePoses RobotContact::Impl::scene_poses(std::size_t num) const {
+ScenePoses RobotContact::Impl::scene_poses(std::size_t num, bool has_groups) const {
   const std::size_t all = num * data().limbs.size();
-  return {std::span(X_WL).first(all), std::span(tool_of_pose).first(all), {}, 0};
+  ScenePoses of{std::span(X_WL).first(all), std::span(tool_of_pose).first(all), {}, 0};
+  if (!has_groups) return of;
+  of.group_of_pose = std::span(group_of_pose).first(all);
+  of.num_groups = static_cast<int>(num);
+  return of;
 }
 
 RobotContact::RobotContact(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -173,8 +177,8 @@ Status RobotContact::measure(const Scene& scene, const RobotPoses& poses,
   for (std::size_t first = 0; first < total;) {
     const std::size_t num = impl.place(poses, first);
     const SceneAnswers requested = found.make_room(to, num * num_limbs);
-    if (const Status s = impl.contact.measure(scene, impl.scene_poses(num), requested); !s)
-      return s;
+    const ScenePoses places = impl.scene_poses(num, requested.only_least_of_groups);
+    if (const Status s = impl.contact.measure(scene, places, requested); !s) return s;
     for (std::size_t i = 0; i < num; ++i) {
       found.reduce(robot, impl.places[i], poses.X_WB, impl.X_WL.data() + i * num_limbs,
                    i * num_limbs, first + i, to);
@@ -196,10 +200,8 @@ Status RobotContact::any(const Scene& scene, const RobotPoses& poses, double mar
   const std::size_t total = poses.joints.size() / impl.data().joints.size();
   for (std::size_t first = 0; first < total;) {
     const std::size_t num = impl.place(poses, first);
-    ScenePoses requested = impl.scene_poses(num);
-    requested.group_of_pose = std::span(impl.group_of_pose).first(requested.X_WT.size());
-    requested.num_groups = static_cast<int>(num);
-    if (const Status s = impl.contact.any(scene, requested, margin, hits + first); !s) return s;
+    const ScenePoses places = impl.scene_poses(num, true);
+    if (const Status s = impl.contact.any(scene, places, margin, hits + first); !s) return s;
     first += num;
   }
   return Done{};
@@ -214,6 +216,7 @@ SceneAnswers RobotMeasures::make_room(const RobotAnswers& to, std::size_t num_po
   if (to.wants_clearance()) {
     requested.clearance = use(clearance, 1);
     requested.clearance_limit = to.clearance_limit;
+    requested.only_least_of_groups = !to.link_clearance && !to.link_clearance_by_joint;
     nearest.resize(num_poses);
     requested.nearest = nearest.data();
     if (to.clearance_by_joint || to.link_clearance_by_joint) {

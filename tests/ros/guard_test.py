@@ -65,16 +65,17 @@ class GuardTest(PeerCase):
         self.assertEqual(len(near) + len(far), len(valid))
         self.assertGreater(min(len(near), len(far)), 20, said)
         for each in near:
-            self.assertEqual((each.link, each.joints, sorted(each.links)), ("hand", ["slide", "turn"], ["finger", "hand"]))
+            self.assertEqual((each.link, each.joints, sorted(each.links)), ("hand", ["wheel", "slide", "turn"], ["finger", "hand"]))
             self.assertAlmostEqual(each.scale, (each.clearance - 0.02) / 0.08, 12)
             self.assertFalse(each.held)
-            rows = each.rows.reshape(2, 2)
+            rows = each.rows.reshape(2, 3)
             for link, row, clearance, bound in zip(each.links, rows, each.clearances, each.bounds):
-                self.assertAlmostEqual(row[0], 1, 2)
+                self.assertEqual(row[0], 0)
+                self.assertAlmostEqual(row[1], 1, 2)
                 self.assertAlmostEqual(bound, 4 * (clearance - 0.02), 12)
                 self.assertAlmostEqual(clearance, NEAR if link == "hand" else NEAR + 0.01, delta=0.003)
                 # The finger, 9 to 11 cm beside the axis, turns to the wall; the hand stays.
-                self.assertAlmostEqual(row[1], 0 if link == "hand" else 0.1, delta=0.012)
+                self.assertAlmostEqual(row[2], 0 if link == "hand" else 0.1, delta=0.012)
         for each in far:
             self.assertEqual((each.scale, each.link, len(each.rows), each.links), (1, "", 0, []))
         self.assertTrue({each.clearance for each in valid} >= set(clearances) - {0})
