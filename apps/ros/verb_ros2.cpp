@@ -1,8 +1,9 @@
-// palpate ros2: a robot's tool in a robot's depth images, as a node of ROS 2.
+// palpate ros2: a robot's tool, or all of a robot, in a robot's depth images, as a node of ROS 2.
 
 #include <memory>
 
 #include "apps/page.h"
+#include "apps/ros/robot_guard.h"
 #include "apps/touch/touch.h"
 #include "apps/verbs.h"
 
@@ -11,6 +12,7 @@ namespace {
 
 struct Options {
   TouchOptions touch;
+  GuardOptions guard;
   std::vector<std::string> depths, camera_infos;
   std::string world, clock = "own", qos = "best_effort", tool_frame, pose;
   double latency = 0;  // s
@@ -37,6 +39,17 @@ TouchOptions touch_options(const Options& options) {
     if (!camera) usage_error("ros2: --depth: " + camera.error().message);
     touch.cameras.push_back(*camera);
   }
+  touch.ros.is_requested = true;
+  RobotFiles& robot = touch.robot.files;
+  if (touch.tool.empty()) {
+    if (robot.pose.empty() && options.world.empty()) {
+      usage_error(
+          "ros2: --robot needs the pose of its base in the camera's frame: pass --robot-pose, or "
+          "--world FRAME, where tf has the camera in the frame of the base");
+    }
+    if (robot.joints.empty()) robot.joints = "ros2:/joint_states";
+    return touch;
+  }
   if (options.tool_frame.empty() == options.pose.empty()) {
     usage_error("ros2: needs the tool's pose: pass --tool-frame FRAME (of tf) or --pose /TOPIC");
   }
@@ -44,8 +57,6 @@ TouchOptions touch_options(const Options& options) {
   if (!touch.ros.camera_frame.empty()) touch.device += "@" + touch.ros.camera_frame;
   if (options.clock == "shared") touch.device += "?clock=shared";
   if (!options.tool_frame.empty()) touch.ros.tool_frame = options.tool_frame;
-  touch.ros.is_requested = true;
-  RobotFiles& robot = touch.robot.files;
   if (robot.robot.ends_with(".urdf") && robot.joints.empty()) {
     if (robot.pose.empty() && options.world.empty()) {
       usage_error(
@@ -66,8 +77,9 @@ void add_ros2(CLI::App& program, Action& action) {
   touch.recording.keep_seconds = 60;
   CLI::App& app = *program.add_subcommand(
       "ros2",
-      "Be a node of ROS 2: depth images and the tool's pose in, the wrench of contact out.");
-  app.add_option("tool", touch.tool, "tool file")->required()->type_name("TOOL.palp");
+      "Be a node of ROS 2: depth images and the tool's pose in, the wrench of contact out; or with "
+      "--robot and no tool, joint states in, the clearance of the whole robot out.");
+  app.add_option("tool", touch.tool, "tool file; none: all of --robot")->type_name("TOOL.palp");
   app.add_option(
          "--depth", options->depths,
          "depth images: Image, .../compressedDepth, or PNG of .../compressed; once for each camera")
@@ -106,6 +118,7 @@ void add_ros2(CLI::App& program, Action& action) {
       ->excludes(frame);
   add_object_option(app, touch.objects, true);
   add_robot_options(app, touch.robot);
+  add_guard_options(app, options->guard);
   app.add_option("-o,--output", touch.output, "folder of the recording of the last minute")
       ->type_name("RUN")
       ->capture_default_str();
@@ -126,11 +139,19 @@ void add_ros2(CLI::App& program, Action& action) {
   app.add_flag("--json", touch.json, "print the summary as JSON");
   app.footer(
       "ROS_DOMAIN_ID and ROS_LOCALHOST_ONLY are respected. No ROS installation is needed.\n"
-      "Example: palpate ros2 gripper.palp --depth /camera/depth/image_rect_raw --tool-frame tool0");
+      "Example: palpate ros2 gripper.palp --depth /camera/depth/image_rect_raw --tool-frame tool0\n"
+      "         palpate ros2 --robot arm.palprobot --world base_link --depth "
+      "/camera/depth/image_rect_raw");
   app.callback([options, &app, &action] {
     check_robot(app, "ros2");
+    check_guard(app, options->touch);
     check_use(app, options->touch.settings);
-    const TouchOptions ready = touch_options(*options);
+    TouchOptions ready = touch_options(*options);
+    if (ready.tool.empty()) {
+      ready.given = given_settings(app, {kContactOptions, kSurfaceOptions});
+      action = [ready, guard = options->guard] { return run_guard(ready, guard); };
+      return;
+    }
     check_ros_output(ready.ros, ready.frames.wrench, ready.settings.output, "ros2");
     action = [ready] { return run_touch(ready); };
   });

@@ -139,9 +139,13 @@ std::size_t RobotContact::Impl::place(const RobotPoses& poses, std::size_t first
   return num;
 }
 
-ScenePoses RobotContact::Impl::scene_poses(std::size_t num) const {
+ScenePoses RobotContact::Impl::scene_poses(std::size_t num, bool has_groups) const {
   const std::size_t all = num * data().limbs.size();
-  return {std::span(X_WL).first(all), std::span(tool_of_pose).first(all), {}, 0};
+  ScenePoses of{std::span(X_WL).first(all), std::span(tool_of_pose).first(all), {}, 0};
+  if (!has_groups) return of;
+  of.group_of_pose = std::span(group_of_pose).first(all);
+  of.num_groups = static_cast<int>(num);
+  return of;
 }
 
 RobotContact::RobotContact(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -173,8 +177,8 @@ Status RobotContact::measure(const Scene& scene, const RobotPoses& poses,
   for (std::size_t first = 0; first < total;) {
     const std::size_t num = impl.place(poses, first);
     const SceneAnswers requested = found.make_room(to, num * num_limbs);
-    if (const Status s = impl.contact.measure(scene, impl.scene_poses(num), requested); !s)
-      return s;
+    const ScenePoses places = impl.scene_poses(num, requested.only_least_of_groups);
+    if (const Status s = impl.contact.measure(scene, places, requested); !s) return s;
     for (std::size_t i = 0; i < num; ++i) {
       found.reduce(robot, impl.places[i], poses.X_WB, impl.X_WL.data() + i * num_limbs,
                    i * num_limbs, first + i, to);
@@ -196,10 +200,8 @@ Status RobotContact::any(const Scene& scene, const RobotPoses& poses, double mar
   const std::size_t total = poses.joints.size() / impl.data().joints.size();
   for (std::size_t first = 0; first < total;) {
     const std::size_t num = impl.place(poses, first);
-    ScenePoses requested = impl.scene_poses(num);
-    requested.group_of_pose = std::span(impl.group_of_pose).first(requested.X_WT.size());
-    requested.num_groups = static_cast<int>(num);
-    if (const Status s = impl.contact.any(scene, requested, margin, hits + first); !s) return s;
+    const ScenePoses places = impl.scene_poses(num, true);
+    if (const Status s = impl.contact.any(scene, places, margin, hits + first); !s) return s;
     first += num;
   }
   return Done{};
@@ -211,12 +213,15 @@ SceneAnswers RobotMeasures::make_room(const RobotAnswers& to, std::size_t num_po
     numbers.resize(num_poses * each);
     return numbers.data();
   };
-  if (to.clearance || to.link || to.clearance_by_joint) {
+  if (to.wants_clearance()) {
     requested.clearance = use(clearance, 1);
     requested.clearance_limit = to.clearance_limit;
+    requested.only_least_of_groups = !to.link_clearance && !to.link_clearance_by_joint;
     nearest.resize(num_poses);
     requested.nearest = nearest.data();
-    if (to.clearance_by_joint) requested.clearance_gradient = use(gradient, 6);
+    if (to.clearance_by_joint || to.link_clearance_by_joint) {
+      requested.clearance_gradient = use(gradient, 6);
+    }
   }
   if (to.volume) requested.contact.volume = use(volume, 1);
   if (to.wrench || to.joint_torque) {
@@ -237,18 +242,23 @@ void RobotMeasures::reduce(const Robot::Data& robot, const RobotPlaces& places, 
   const auto center = [&](std::size_t l) {
     return X_WL[l] * robot.tools[robot.limbs[l].link]->sphere_mass().center_of_mass;
   };
-  if (to.clearance || to.link || to.clearance_by_joint) {
+  if (to.wants_clearance()) {
     const double* const here = clearance.data() + from;
-    const auto l = static_cast<std::size_t>(std::min_element(here, here + num_limbs) - here);
-    const bool is_known = nearest[from + l] >= 0;
-    if (to.clearance) to.clearance[i] = here[l];
-    if (to.link) to.link[i] = is_known ? static_cast<std::int32_t>(l) : -1;
-    if (to.clearance_by_joint) {
-      std::fill_n(to.clearance_by_joint + i * n, n, 0.0);
-      if (is_known) {
-        add_joint_torque(robot, robot.limbs[l], places, X_WB, center(l),
-                         vector_at(gradient, 6 * (from + l)),
-                         vector_at(gradient, 6 * (from + l) + 3), to.clearance_by_joint + i * n);
+    const auto least = static_cast<std::size_t>(std::min_element(here, here + num_limbs) - here);
+    if (to.clearance) to.clearance[i] = here[least];
+    if (to.link) to.link[i] = nearest[from + least] >= 0 ? static_cast<std::int32_t>(least) : -1;
+    const auto add_gradient = [&](std::size_t l, double* by_joint) {
+      std::fill_n(by_joint, n, 0.0);
+      if (nearest[from + l] < 0) return;
+      add_joint_torque(robot, robot.limbs[l], places, X_WB, center(l),
+                       vector_at(gradient, 6 * (from + l)), vector_at(gradient, 6 * (from + l) + 3),
+                       by_joint);
+    };
+    if (to.clearance_by_joint) add_gradient(least, to.clearance_by_joint + i * n);
+    for (std::size_t l = 0; l < num_limbs; ++l) {
+      if (to.link_clearance) to.link_clearance[i * num_limbs + l] = here[l];
+      if (to.link_clearance_by_joint) {
+        add_gradient(l, to.link_clearance_by_joint + (i * num_limbs + l) * n);
       }
     }
   }

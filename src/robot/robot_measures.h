@@ -30,7 +30,7 @@ struct RobotContact::Impl {
 
   const Robot::Data& data() const { return robot.data(); }
   std::size_t place(const RobotPoses& poses, std::size_t first);
-  ScenePoses scene_poses(std::size_t num) const;
+  ScenePoses scene_poses(std::size_t num, bool has_groups) const;
 
   const Robot robot;
   SceneContact contact;

@@ -97,7 +97,7 @@ Status RobotContact::free_motions(const Scene& scene, const RobotPoses& poses,
       const std::size_t num = impl.place({joints, poses.X_WB}, first);
       clearance.resize(num * num_limbs);
       requested.clearance = clearance.data();
-      if (const Status s = impl.contact.measure(scene, impl.scene_poses(num), requested); !s)
+      if (const Status s = impl.contact.measure(scene, impl.scene_poses(num, false), requested); !s)
         return s;
       for (std::size_t i = 0; i < num; ++i) {
         Motion& motion = open[first + i];

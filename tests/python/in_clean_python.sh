@@ -64,7 +64,7 @@ PYTHON
     RAY_AUTH_MODE=disabled "$clean/bin/pytest" -q -p no:cacheprovider python/tests/test_ray.py
     ;;
   robot)
-    { is_there pinocchio && is_there quadprog; } || { echo "skipped: Pinocchio and quadprog are not installed; scripts/setup.sh --robot fetches them"; exit 77; }
+    { is_there pinocchio && is_there quadprog; } || { echo "skipped: Pinocchio and quadprog are not installed; scripts/setup.sh --test fetches them"; exit 77; }
     "$clean/bin/pytest" -q -p no:cacheprovider python/tests/robot
     ;;
   # Without simulators, the law of contact is tested alone, and each example is skipped by its name.

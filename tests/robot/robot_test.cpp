@@ -99,30 +99,55 @@ TEST(Robot, Clearance_is_that_of_the_nearest_sphere_and_its_gradient_that_of_dif
   test::Random random(1);
   constexpr std::size_t kNum = 60;
   const std::vector<double> joints = random_joints(random, kNum);
-  std::vector<double> clearance(kNum), gradient(3 * kNum);
+  std::vector<double> clearance(kNum), gradient(3 * kNum), each(4 * kNum), each_gradient(12 * kNum);
   std::vector<std::int32_t> link(kNum);
   RobotAnswers to;
   to.clearance = clearance.data();
   to.link = link.data();
   to.clearance_by_joint = gradient.data();
+  to.link_clearance = each.data();
+  to.link_clearance_by_joint = each_gradient.data();
   to.clearance_limit = 0.5;
   ASSERT_TRUE(contact.measure(wall.scene, {joints, base()}, to));
-  int num_outside = 0;
+  int num_outside = 0, num_links = 0;
   for (std::size_t i = 0; i < kNum; ++i) {
     std::vector<Pose> X_WL(4);
-    const auto exact = [&](std::vector<double> at) {
+    double next = 1;  // m, of the second nearest sphere
+    const auto exact_of = [&](std::size_t l, const std::vector<double>& at) {
       EXPECT_TRUE(robot.place(at, base(), X_WL));
+      double least = 1;
+      next = 1;
+      for (const Sphere& s : robot.tool(l).spheres()) {
+        const double z = (X_WL[l] * to_double(s.center)).z;
+        next = std::min(next, kWallDepth - z - static_cast<double>(s.radius));
+        if (next < least) std::swap(next, least);
+      }
+      return least;
+    };
+    const auto exact = [&](const std::vector<double>& at) {
       std::pair<double, int> least{1, -1};
       for (int l = 0; l < 4; ++l) {
-        for (const Sphere& s : robot.tool(static_cast<std::size_t>(l)).spheres()) {
-          const double z = (X_WL[static_cast<std::size_t>(l)] * to_double(s.center)).z;
-          least = std::min(least, {kWallDepth - z - static_cast<double>(s.radius), l});
-        }
+        least = std::min(least, {exact_of(static_cast<std::size_t>(l), at), l});
       }
       return least;
     };
     const std::vector<double> at(joints.begin() + static_cast<std::ptrdiff_t>(3 * i),
                                  joints.begin() + static_cast<std::ptrdiff_t>(3 * i + 3));
+    for (std::size_t l = 0; l < 4; ++l) {
+      const double alone = exact_of(l, at);
+      if (!(alone > 0.005 && alone < 0.4)) continue;
+      EXPECT_NEAR(each[4 * i + l], alone, 2e-4);
+      if (next < alone + 4e-4) continue;  // no derivative: either sphere may be the nearest one
+      ++num_links;
+      for (std::size_t j = 0; j < 3; ++j) {
+        constexpr double kStep = 1e-6;
+        std::vector<double> more = at, less = at;
+        more[j] += kStep;
+        less[j] -= kStep;
+        EXPECT_NEAR(each_gradient[3 * (4 * i + l) + j],
+                    (exact_of(l, more) - exact_of(l, less)) / (2 * kStep), 1e-4);
+      }
+    }
     const auto [value, decider] = exact(at);
     if (!(value > 0.005 && value < 0.4)) continue;
     ++num_outside;
@@ -138,6 +163,24 @@ TEST(Robot, Clearance_is_that_of_the_nearest_sphere_and_its_gradient_that_of_dif
     }
   }
   EXPECT_GT(num_outside, 30);
+  EXPECT_GT(num_links, 60);
+  // Without those of the other links, which need not be found then: the same bits.
+  for (const double limit : {0.5, 0.1}) {
+    std::vector<double> few(kNum), few_gradient(3 * kNum);
+    std::vector<std::int32_t> few_link(kNum);
+    RobotAnswers all = to, least;
+    all.clearance_limit = least.clearance_limit = limit;
+    least.clearance = few.data();
+    least.link = few_link.data();
+    least.clearance_by_joint = few_gradient.data();
+    ASSERT_TRUE(contact.measure(wall.scene, {joints, base()}, all));
+    ASSERT_TRUE(contact.measure(wall.scene, {joints, base()}, least));
+    EXPECT_EQ(few, clearance);
+    EXPECT_EQ(few_link, link);
+    EXPECT_EQ(few_gradient, gradient);
+  }
+  to.clearance_limit = 0.5;
+  ASSERT_TRUE(contact.measure(wall.scene, {joints, base()}, to));
   std::vector<std::uint8_t> hits(kNum);
   for (const double margin : {0.0, 0.03}) {
     ASSERT_TRUE(contact.any(wall.scene, {joints, base()}, margin, hits.data()));

@@ -1,11 +1,13 @@
 // A robot on another maker's DDS: eProsima Fast DDS, the default of ROS 2. Publishes depth images
 // with camera_info and the tool's pose, and reads the wrench. Prints what it saw as JSON.
 //
-// usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND [looks|arm]], until the standard input
-// ends; the viewer also requests points and spheres. An arm tells where the tool is by tf, whose
-// fixed part it says once, before anybody hears it; it keeps contacts, transforms and markers that
-// come, to the last of which it subscribes late, and prints their bytes. Standard error tells that
-// it has begun, and when it has seen enough for a test.
+// usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND [looks|arm|joints]], until the
+// standard input ends; the viewer also requests points and spheres. An arm tells where the tool is
+// by tf, whose fixed part it says once, before anybody hears it; it keeps contacts, transforms and
+// markers that come, to the last of which it subscribes late, and prints their bytes. An arm with
+// joints shows its hand in the middle of the images, tells its joint positions but for half a
+// second of every two, and keeps what comes from a guard. Standard error tells that it has begun,
+// and when it has seen enough for a test.
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
@@ -172,6 +174,10 @@ class RecordingObserver final : public fast::DataReaderListener {
       if (info.valid_data) messages_.push_back(message);
     }
   }
+  std::size_t num() {
+    const std::lock_guard lock(mutex_);
+    return messages_.size();
+  }
   bool has_newest_with(const std::string& words) {
     const std::lock_guard lock(mutex_);
     return !messages_.empty() && messages_.back().find(words) != std::string::npos;
@@ -259,8 +265,8 @@ struct Robot {
 
 int main(int argc, char** argv) {
   if (argc < 4) {
-    std::fprintf(stderr,
-                 "usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND [looks|arm]]\n");
+    std::fprintf(
+        stderr, "usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND [looks|arm|joints]]\n");
     return 2;
   }
   const double rate = argc > 4 ? std::atof(argv[4]) : 30;
@@ -279,7 +285,7 @@ int main(int argc, char** argv) {
   robot.reader("/palpate/wrench", "geometry_msgs/WrenchStamped", 1024, &listener);
   Dropper dropper;
   const std::string part = argc > 5 ? argv[5] : "";
-  const bool is_arm = part == "arm";
+  const bool is_arm = part == "arm", has_joints = part == "joints";
   if (part == "looks") {
     robot.reader("/palpate/points", "sensor_msgs/PointCloud2", 1 << 20, &dropper);
     robot.reader("/palpate/spheres", "visualization_msgs/MarkerArray", 1 << 20, &dropper);
@@ -288,8 +294,14 @@ int main(int argc, char** argv) {
                                     static_cast<std::uint32_t>(2 * num_pixels + 1024));
   auto* const infos = robot.writer("/camera/depth/camera_info", "sensor_msgs/CameraInfo", 4096);
   auto* const poses = robot.writer("/tool_pose", "geometry_msgs/PoseStamped", 1024);
-  RecordingObserver contacts, transforms, markers;
-  fast::DataWriter* moving = nullptr;
+  RecordingObserver contacts, transforms, markers, guards, clearances, scales;
+  fast::DataWriter *moving = nullptr, *joints = nullptr;
+  if (has_joints) {
+    robot.reader("/palpate/guard", "palpate_msgs/Guard", 4096, &guards);
+    robot.reader("/palpate/clearance", "std_msgs/Float64", 64, &clearances);
+    robot.reader("/servo/scale", "std_msgs/Float64", 64, &scales);
+    joints = robot.writer("/joint_states", "sensor_msgs/JointState", 1024);
+  }
   if (is_arm) {
     robot.reader("/palpate/contact", "palpate_msgs/Contact", 4096, &contacts);
     robot.reader("/tf", "tf2_msgs/TFMessage", 4096, &transforms);
@@ -325,6 +337,13 @@ int main(int argc, char** argv) {
       const palpate::RosTransform transform[] = {{"base", "tool0", X}};
       std::string reported = palpate::transform_message(nanoseconds(time), transform);
       if (is_arm) moving->write(&reported);
+      if (has_joints && std::fmod(time - begin, 2) < 1.5) {
+        const std::string names[] = {"turn", "wheel", "slide"};
+        const double positions[] = {0, 5, 0.1};
+        std::string state =
+            palpate::joint_state_message({nanoseconds(time), "base"}, names, positions);
+        joints->write(&state);
+      }
       if (is_arm && !has_requested_markers && listener.has_heard()) {
         has_requested_markers = true;
         robot.reader("/palpate/markers", "visualization_msgs/MarkerArray", 1 << 20, &markers, true);
@@ -334,6 +353,12 @@ int main(int argc, char** argv) {
       next_image = std::max(next_image + 1 / rate, time - std::max(1 / rate, 0.05));
       const bool is_contact = num_images / std::max(1, static_cast<int>(rate / 4)) % 2 == 1;
       frame.pixels.assign(num_pixels, is_contact ? 490 : 700);
+      for (int v = -4; has_joints && v < 4; ++v) {
+        for (int u = -4; u < 4; ++u) {
+          const int pixel = (frame.height / 2 + v) * frame.width + frame.width / 2 + u;
+          frame.pixels[static_cast<std::size_t>(pixel)] = 380;
+        }
+      }
       const palpate::RosHeader header{nanoseconds(time), "camera"};
       std::string info = palpate::camera_info_message(header, stream);
       std::string image = palpate::image_message(header, frame);
@@ -342,17 +367,21 @@ int main(int argc, char** argv) {
       images->write(&image);
       ++num_images;
     }
-    if (!has_told_enough && listener.has_enough()) {
+    if (!has_told_enough && (has_joints ? guards.num() > 500 : listener.has_enough())) {
       has_told_enough = true;
       std::fputs("enough\n", stderr);
     }
   }
   // The last word may still be on its way.
-  for (int k = 0; is_arm && k < 1000 && !contacts.has_newest_with("the run has ended"); ++k)
+  const std::string end = "the run has ended";
+  for (int k = 0; k < 1000 && ((is_arm && !contacts.has_newest_with(end)) ||
+                               (has_joints && !guards.has_newest_with(end)));
+       ++k)
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   listener.print(num_images, dropper.num(),
                  contacts.reported("contact") + ", " + transforms.reported("tf") + ", " +
-                     markers.reported("markers"));
+                     markers.reported("markers") + ", " + guards.reported("guard") + ", " +
+                     clearances.reported("clearance") + ", " + scales.reported("scale"));
   std::fflush(stdout);
   std::_Exit(0);
 }

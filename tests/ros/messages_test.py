@@ -20,7 +20,7 @@ except ImportError:
     HAS_ROSBAGS = False
 
 TYPES = ["sensor_msgs/Image", "sensor_msgs/CompressedImage", "sensor_msgs/CameraInfo",
-         "sensor_msgs/PointCloud2", "sensor_msgs/JointState", "tf2_msgs/TFMessage",
+         "sensor_msgs/PointCloud2", "sensor_msgs/JointState", "std_msgs/Float64", "tf2_msgs/TFMessage",
          "geometry_msgs/PoseStamped", "geometry_msgs/TwistStamped", "geometry_msgs/WrenchStamped",
          "visualization_msgs/Marker", "visualization_msgs/MarkerArray",
          "diagnostic_msgs/DiagnosticArray", "rmw_dds_common/ParticipantEntitiesInfo"]
@@ -47,6 +47,23 @@ float64 volume_std
 geometry_msgs/Vector3 force_std
 geometry_msgs/Vector3 torque_std
 """
+GUARD = """std_msgs/Header header
+uint8 state
+string reason
+string assumes
+float64 clearance
+string link
+float64 unseen
+float64 scale
+float64 depth_age
+bool held
+string[] joints
+string[] links
+float64[] clearances
+float64[] rows
+float64[] bounds
+"""
+OURS = {"palpate_msgs/Contact": CONTACT, "palpate_msgs/Guard": GUARD}
 
 
 class Peer:
@@ -78,7 +95,8 @@ class MessagesTest(unittest.TestCase):
         cls.stores = {store.value: get_typestore(store) for store in Stores
                       if store.value.startswith("ros2") or store.value == "latest"}
         for store in cls.stores.values():
-            store.register(get_types_from_msg(CONTACT, "palpate_msgs/msg/Contact"))
+            for ours, text in OURS.items():
+                store.register(get_types_from_msg(text, interface(ours)))
 
     @classmethod
     def tearDownClass(cls):
@@ -87,7 +105,7 @@ class MessagesTest(unittest.TestCase):
     def in_all_distributions(self):
         """Each type of ours in each distribution that has it as we have it."""
         for name in DISTRIBUTIONS:
-            for ours in [*TYPES, "palpate_msgs/Contact"]:
+            for ours in [*TYPES, *OURS]:
                 if DISTRIBUTIONS.index(name) < DISTRIBUTIONS.index(OLDER.get(ours, "ros2_dashing")):
                     continue
                 yield name, ours
@@ -177,7 +195,7 @@ class MessagesTest(unittest.TestCase):
         store = self.stores["latest"]
 
         def sample(name):
-            kind = next(each for each in TYPES + ["palpate_msgs/Contact"]
+            kind = next(each for each in [*TYPES, *OURS]
                         if each.endswith("/" + name))
             return store.deserialize_cdr(bytes.fromhex(self.peer.ask("sample", name)),
                                          interface(kind))
@@ -193,6 +211,10 @@ class MessagesTest(unittest.TestCase):
         contact = sample("Contact")
         self.assertEqual((contact.state, contact.reason, contact.volume, contact.stiffness[35],
                           contact.depth_age, contact.status), (1, "why", 1, 36, 0.25, 7))
+        guard = sample("Guard")
+        self.assertEqual((guard.assumes, guard.link, guard.scale, guard.held, guard.joints, guard.links, list(guard.rows),
+                          list(guard.bounds)), ("free", "hand", 0.25, True, ["shoulder", "elbow"], ["hand"], [1, -2], [3]))
+        self.assertEqual(sample("Float64").data, 0.375)
         markers = [marker for marker in sample("MarkerArray").markers if marker.points]
         self.assertEqual([(marker.ns, marker.type, marker.action, marker.scale.x, len(marker.points),
                            marker.points[-1].z) for marker in markers],

@@ -86,15 +86,15 @@ class PeerCase(unittest.TestCase):
         return robot
 
     def converse(self, peer, *options, depth="/camera/depth/image_raw", tool=("--pose", "/tool_pose"),
-                 duration=4, until=None, words=None, statuses=(0,), **environment):
+                 duration=4, until=None, words=None, writes=True, statuses=(0,), **environment):
         """Runs palpate with a peer; returns the peer's observations and palpate's errors. `until`: condition on the
-        peer that ends the run, instead of a duration. `words`: instead of palpate ros2. `statuses`: allowed exit
-        statuses of palpate. Leaves palpate's memory in use, MB, every tenth of a second."""
+        peer that ends the run, instead of a duration. `words`: instead of palpate ros2. `writes`: takes a folder of
+        output. `statuses`: allowed exit statuses of palpate. Leaves palpate's memory in use, MB, every tenth of a second."""
         robot = self.start(peer)
         try:
             run = subprocess.Popen(
-                [PALPATE, *(words or ["ros2", self.tool, "--depth", depth, *tool]), "-o",
-                 os.path.join(self.folder.name, "run"), "--duration", str(120 if until else duration), *options],
+                [PALPATE, *(words or ["ros2", self.tool, "--depth", depth, *tool]),
+                 *(["-o", os.path.join(self.folder.name, "run")] if writes else []), "--duration", str(120 if until else duration), *options],
                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                 env={**os.environ, "ROS_DOMAIN_ID": str(self.domain), "ROS_LOCALHOST_ONLY": "1",
                      **environment})

@@ -76,6 +76,23 @@ std::string sample(const std::string& name) {
     contact.status = 7;
     return ros_contact_message(header, contact);
   }
+  if (name == "Float64") return number_message(0.375);
+  if (name == "Guard") {
+    const std::string joints[] = {"shoulder", "elbow"};
+    RosGuard guard;
+    guard.reason = "why";
+    guard.assumes = "free";
+    guard.clearance = 0.5;
+    guard.link = "hand";
+    guard.scale = 0.25;
+    guard.is_held = true;
+    guard.joints = joints;
+    guard.links = {"hand"};
+    guard.clearances = {0.5};
+    guard.rows = {1, -2};
+    guard.bounds = {3};
+    return ros_guard_message(header, guard);
+  }
   if (name == "ParticipantEntitiesInfo") {
     RosEntities entities;
     entities.participant.fill(1);

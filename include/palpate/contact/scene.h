@@ -75,6 +75,9 @@ struct SceneAnswers {
   double* group_clearance = nullptr;
   std::int32_t* group_pose = nullptr;
   double* group_volume = nullptr;
+  /// Tells the clearance of the nearest pose of each group; others may be told to be saturated.
+  /// Faster on a CPU. Without effect with smoothing.
+  bool only_least_of_groups = false;
   /// Per sphere, P x max_spheres, of the cameras: depth of the deepest point, m; volume of the cap,
   /// m3; direction of the force in W (x 3); and the camera that determined it (kNoCamera: none).
   float* sphere_depth = nullptr;

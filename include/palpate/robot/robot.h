@@ -109,10 +109,12 @@ struct RobotPoses {
 
 /// Row-major arrays of the caller; null: not computed.
 struct RobotAnswers {
-  double* clearance = nullptr;           ///< P, m: least of all links, SceneAnswers::clearance
-  std::int32_t* link = nullptr;          ///< P: the link that has it; -1: saturated
-  double* clearance_by_joint = nullptr;  ///< P x n: its derivative, m/rad and m/m
-  double* volume = nullptr;              ///< P, m3: of all links
+  double* clearance = nullptr;                ///< P, m: least of all links, SceneAnswers::clearance
+  std::int32_t* link = nullptr;               ///< P: the link that has it; -1: saturated
+  double* clearance_by_joint = nullptr;       ///< P x n: its derivative, m/rad and m/m
+  double* link_clearance = nullptr;           ///< P x L, m: the same of each link
+  double* link_clearance_by_joint = nullptr;  ///< P x L x n: 0 of saturated ones
+  double* volume = nullptr;                   ///< P, m3: of all links
   /// P x L x 6: force (m3) and torque (m4) on each link about its center of mass C, in W.
   double* wrench = nullptr;
   double* joint_torque =
@@ -120,6 +122,10 @@ struct RobotAnswers {
   double* unseen = nullptr;  ///< P: share of the robot's volume in space that no camera has seen
   std::uint8_t* held = nullptr;              ///< P: 1 if a joint was beyond its limits
   double clearance_limit = kClearanceLimit;  ///< m, above 0
+
+  bool wants_clearance() const {
+    return clearance || link || clearance_by_joint || link_clearance || link_clearance_by_joint;
+  }
 };
 
 /// Measures a robot against scenes, on a CPU. One thread at a time.

@@ -1,4 +1,4 @@
-#include "src/cameras/robot/link_in_tree.h"
+#include "src/cameras/internal/link_in_tree.h"
 
 #include <filesystem>
 #include <system_error>

@@ -5,9 +5,9 @@
 #include "palpate/cameras/cameras.h"
 #include "palpate/io/files.h"
 #include "palpate/io/formats.h"
+#include "src/cameras/internal/link_in_tree.h"
 #include "src/cameras/internal/robot_model.h"
-#include "src/cameras/robot/link_in_tree.h"
-#include "src/cameras/robot/robot_states.h"
+#include "src/cameras/internal/robot_states.h"
 #include "src/core/internal/message_text.h"
 #include "src/io/internal/atomic_file.h"
 

@@ -1,4 +1,4 @@
-#include "src/cameras/robot/robot_states.h"
+#include "src/cameras/internal/robot_states.h"
 
 #include <algorithm>
 #include <chrono>
@@ -91,7 +91,7 @@ std::pair<const RobotStates::Histories&, double> RobotStates::states_at(
     if (moment.stamp != 0 && goes_by_stamps()) return {by_stamp_, moment.stamp};
     return {by_time_, moment.time};
   };
-  if (!is_live()) return found();
+  if (!is_live() || !moment.waits) return found();
   const std::chrono::duration<double> longest(std::min(moment.max_age, kLongestWait));
   changed_.wait_for(lock, longest, [&] {
     const auto [what, time] = found();

@@ -8,7 +8,7 @@
 #include "palpate/cameras/cameras.h"
 #include "palpate/cloud/depth_source.h"
 #include "palpate/io/files.h"
-#include "src/cameras/robot/link_in_tree.h"
+#include "src/cameras/internal/link_in_tree.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -147,11 +147,17 @@ void ClearanceQuery::add_bodies(const ClearanceScene& scene, const Pose& X_WT,
   }
 }
 
-Clearance ClearanceQuery::measure(const ClearanceScene& scene, const Pose& X_WT,
-                                  double limit) const noexcept {
+Clearance ClearanceQuery::measure(const ClearanceScene& scene, const Pose& X_WT, double limit,
+                                  double below) const noexcept {
   const Pose X = unit(X_WT);
   ClearanceJob job = job_;
   job.limit = job.deepest = static_cast<float>(limit);
+  if (below < limit) {
+    const std::span<const SeenByCamera> seen = scene.cameras();
+    const int num_cameras = static_cast<int>(seen.size());
+    const ClearanceJob within = margin_job(job_, seen.data(), num_cameras, tool_, X, below);
+    job.limit = std::min(job.limit, within.limit);
+  }
   const ClearanceHit hit = search(scene, job, X);
   Clearance least = clearance_of(scene.cameras().data(), tool_, hit, X, limit);
   add_bodies(scene, X, least);
@@ -163,7 +169,7 @@ Clearance ClearanceQuery::measure_softly(const ClearanceScene& scene, const Pose
                                          double limit, double smoothing,
                                          std::vector<ClearanceHit>& each) const {
   constexpr double kNegligible = 30;  // e^-30
-  Clearance soft = measure(scene, X_WT, limit);
+  Clearance soft = measure(scene, X_WT, limit, limit);
   if (soft.sphere < 0) return soft;
   const Pose X = unit(X_WT);
   const double least = soft.value, reach = std::min(limit, least + kNegligible * smoothing);

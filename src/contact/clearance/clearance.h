@@ -57,9 +57,11 @@ class ClearanceQuery {
  public:
   ClearanceQuery(const ToolIndex& index, Isa isa);
 
-  /// The least clearance to a scene at a finite pose, between -limit and limit (m). No allocation.
-  /// O(spheres) where nothing is near.
-  Clearance measure(const ClearanceScene& scene, const Pose& X_WT, double limit) const noexcept;
+  /// The least clearance to a scene at a finite pose, between -limit and limit (m). `below`: one
+  /// that is not below it may be told to be saturated. No allocation. O(spheres) where nothing is
+  /// near.
+  Clearance measure(const ClearanceScene& scene, const Pose& X_WT, double limit,
+                    double below) const noexcept;
   /// The soft minimum over spheres, cameras and bodies instead of the least: see
   /// SceneAnswers::clearance_smoothing. `each` grows to the number of spheres.
   Clearance measure_softly(const ClearanceScene& scene, const Pose& X_WT, double limit,

@@ -1,6 +1,7 @@
 #include "src/contact/clearance/clearance_batch.h"
 
 #include <algorithm>
+#include <cstdint>
 
 #include "src/contact/bodies/solid_contact.h"
 #include "src/contact/index/tool_parts.h"
@@ -32,13 +33,18 @@ class ClearanceBatchCpu final : public ClearanceBatch {
     return scene_.update(surfaces, bodies_, pool_);
   }
 
-  Status measure(const ScenePoses& poses, double limit, double smoothing, const Put& put) override {
+  Status measure(const ScenePoses& poses, const ClearanceWants& wants, const Put& put) override {
+    const auto [limit, smoothing, only_least] = wants;
+    if (only_least && !poses.group_of_pose.empty() && !(smoothing > 0)) {
+      measure_groups(poses, limit, put);
+      return Done{};
+    }
     for_poses(pool_, poses.X_WT.size(), [&](std::size_t thread, std::size_t i) {
       const Pose& X_WT = poses.X_WT[i];
       if (!is_finite(X_WT)) return;
       const ClearanceQuery& query = queries_[tool_of(poses, i)];
       put(i, smoothing > 0 ? query.measure_softly(scene_, X_WT, limit, smoothing, each_[thread])
-                           : query.measure(scene_, X_WT, limit));
+                           : query.measure(scene_, X_WT, limit, limit));
     });
     return Done{};
   }
@@ -56,6 +62,27 @@ class ClearanceBatchCpu final : public ClearanceBatch {
   }
 
  private:
+  /// From the last pose on, as the hand of an arm is nearer than its base. Poses only have to beat
+  /// those of their group that the same thread has measured just before.
+  void measure_groups(const ScenePoses& poses, double limit, const Put& put) {
+    struct Least {
+      std::size_t group = SIZE_MAX;
+      double value = 0;  // m
+    };
+    std::vector<Least> of_thread(each_.size());
+    const std::size_t num = poses.X_WT.size();
+    for_poses(pool_, num, [&](std::size_t thread, std::size_t k) {
+      const std::size_t i = num - 1 - k, group = group_of(poses, i);
+      Least& least = of_thread[thread];
+      if (least.group != group) least = {group, limit};
+      if (!is_finite(poses.X_WT[i])) return;
+      const Clearance found =
+          queries_[tool_of(poses, i)].measure(scene_, poses.X_WT[i], limit, least.value);
+      least.value = std::min(least.value, found.value);
+      put(i, found);
+    });
+  }
+
   ThreadPool& pool_;
   std::vector<ClearanceQuery> queries_;
   std::vector<SearchedBody> bodies_;

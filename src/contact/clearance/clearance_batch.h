@@ -15,6 +15,12 @@ namespace palpate { inline namespace v0 {
 /// A body with its field in host memory, which the body keeps.
 SearchedBody searched_body(const Body& body);
 
+/// See SceneAnswers.
+struct ClearanceWants {
+  double limit = kClearanceLimit, smoothing = 0;  // m
+  bool only_least_of_groups = false;
+};
+
 /// One thread at a time.
 class ClearanceBatch {
  public:
@@ -26,8 +32,7 @@ class ClearanceBatch {
   /// Calls put(pose, clearance) for each finite pose, on any thread. Errors: a GPU without memory,
   /// or lost; smoothing on a GPU.
   using Put = std::function<void(std::size_t, const Clearance&)>;
-  virtual Status measure(const ScenePoses& poses, double limit, double smoothing,
-                         const Put& put) = 0;
+  virtual Status measure(const ScenePoses& poses, const ClearanceWants& wants, const Put& put) = 0;
   /// See SceneContact::any.
   virtual Status any(const ScenePoses& poses, double margin, std::uint8_t* hits) = 0;
 };

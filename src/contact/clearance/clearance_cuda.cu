@@ -259,13 +259,13 @@ class ClearanceBatchCuda final : public ClearanceBatch {
     return stream_.wait();
   }
 
-  Status measure(const ScenePoses& poses, double limit, double smoothing, const Put& put) override {
-    if (smoothing > 0) {
+  Status measure(const ScenePoses& poses, const ClearanceWants& wants, const Put& put) override {
+    if (wants.smoothing > 0) {
       return Error{Errc::unavailable,
                    "a smooth minimum of the clearance is computed on the CPU; create the contact "
                    "with Place::cpu(), or leave clearance_smoothing out"};
     }
-    return evaluate(poses, limit, false, put);
+    return evaluate(poses, wants.limit, false, put);
   }
 
   Status any(const ScenePoses& poses, double margin, std::uint8_t* hits) override {

@@ -336,7 +336,7 @@ Status SceneContact::measure(const Scene& scene, const ScenePoses& poses,
     }
   }
   const Status status = impl.clearances->measure(
-      poses, limit, answers.clearance_smoothing,
+      poses, {limit, answers.clearance_smoothing, answers.only_least_of_groups},
       [&](std::size_t i, const Clearance& at) { put_clearance(i, at, answers); });
   if (status && wants_groups) put_groups(poses, answers);
   return status;

@@ -106,6 +106,27 @@ struct RosContact {
 };
 std::string ros_contact_message(const RosHeader& header, const RosContact& contact);
 
+/// palpate_msgs/Guard: how far a robot is from what cameras see, and what keeps it away. Joint
+/// velocities v keep to row . v <= bound, for each row.
+struct RosGuard {
+  RosContact::State state = RosContact::State::valid;
+  std::string reason;    ///< why it is not valid: then all numbers are 0, and there are no rows
+  std::string assumes;   ///< what counts where no camera has seen anything
+  double clearance = 0;  ///< m: least of all links
+  std::string link;      ///< that has it; empty: it is farther than cameras are asked
+  double unseen = 0;     ///< share of the robot's volume in space that no camera has seen
+  double scale = 0;      ///< 0 to 1, for velocities
+  double depth_age = 0;  ///< s, of the oldest depth image at the header's time
+  bool is_held = false;  ///< a joint was beyond its limits, and counts as held there
+  std::span<const std::string> joints = {};    ///< n, of the columns
+  std::vector<std::string> links = {};         ///< of the rows
+  std::vector<double> clearances = {};         ///< m, of these
+  std::vector<double> rows = {}, bounds = {};  ///< row-major, x n, m/rad or m/m; m/s
+};
+std::string ros_guard_message(const RosHeader& header, const RosGuard& guard);
+/// std_msgs/Float64
+std::string number_message(double number);
+
 /// Identifies an entity of DDS, as ROS 2 announces it from Iron on.
 using RosGid = std::array<std::uint8_t, 16>;
 /// rmw_dds_common/ParticipantEntitiesInfo of a participant with one node.

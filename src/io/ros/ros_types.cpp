@@ -19,6 +19,7 @@ constexpr Definition kDefinitions[] = {
     {"std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id\n"},
     {"std_msgs/String", "string data\n"},
     {"std_msgs/Float32", "float32 data\n"},
+    {"std_msgs/Float64", "float64 data\n"},
     {"std_msgs/ColorRGBA", "float32 r\nfloat32 g\nfloat32 b\nfloat32 a\n"},
     {"geometry_msgs/Point", "float64 x\nfloat64 y\nfloat64 z\n"},
     {"geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z\n"},
@@ -79,6 +80,10 @@ constexpr Definition kDefinitions[] = {
      "float64 unseen\nfloat64 potential\nfloat64 max_stiffness\ngeometry_msgs/Wrench wrench\n"
      "float64[36] stiffness\nfloat64 depth_age\nfloat64 contact_age\nuint32 status\n"
      "float64 volume_std\ngeometry_msgs/Vector3 force_std\ngeometry_msgs/Vector3 torque_std\n"},
+    {"palpate_msgs/Guard",
+     "std_msgs/Header header\nuint8 state\nstring reason\nstring assumes\nfloat64 clearance\n"
+     "string link\nfloat64 unseen\nfloat64 scale\nfloat64 depth_age\nbool held\n"
+     "string[] joints\nstring[] links\nfloat64[] clearances\nfloat64[] rows\nfloat64[] bounds\n"},
 };
 
 std::string_view ros_definition(std::string_view type) {

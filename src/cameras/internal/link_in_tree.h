@@ -10,7 +10,7 @@
 
 #include "src/cameras/files_once.h"
 #include "src/cameras/internal/robot_model.h"
-#include "src/cameras/robot/robot_states.h"
+#include "src/cameras/internal/robot_states.h"
 #include "src/core/internal/monotonic_clock.h"
 
 namespace palpate { inline namespace v0 {

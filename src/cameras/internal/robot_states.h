@@ -52,9 +52,10 @@ class RobotStates {
     double time = 0;       ///< s, on the clock of the frames
     double stamp = 0;      ///< s; 0: none
     double max_age = 0.1;  ///< s, largest distance of a state from it
+    bool waits = true;     ///< live: until it is known, at most max_age
   };
-  /// Positions of all joints at a moment. Live, waits until they are known, at most `max_age`; then
-  /// they are extrapolated. Error: as of JointHistory::at.
+  /// Positions of all joints at a moment. Live, waits as it says; then they are extrapolated.
+  /// Error: as of JointHistory::at.
   Status positions(const Moment& moment, std::vector<double>& positions) const;
   /// Links in the world at a moment. Live, waits until they are known, at most `max_age`; nothing
   /// is extrapolated (as in tf2). Error: a link without a transform.
