@@ -68,11 +68,10 @@ Status check_unused(const Kind& kind, const CameraUri& uri) {
 }
 
 Result<std::unique_ptr<DepthSource>> open_unposed(const Kind& kind, const CameraUri& uri,
-                                                  const CameraOpening& opening, Pose& X_FC) {
+                                                  const CameraOpening& opening) {
   if (const Status status = check_unused(kind, uri); !status) return status.error();
   auto raw = kind.open(uri, opening);
   if (!raw) return raw.error();
-  X_FC = raw->X_FC;
   if (!raw->source->info().is_live) {
     if (uri.latency != 0 && kind.name != "bag") {
       return unused(uri, "latency", "it is of live cameras, and of bag");
@@ -151,10 +150,9 @@ Result<std::unique_ptr<DepthSource>> open_camera(const CameraUri& uri,
   if (kind == std::end(kKinds)) return no_such_kind(uri);
   auto poses = CameraPoses::of(uri);
   if (!poses) return poses.error();
-  Pose X_FC;
-  auto source = open_unposed(*kind, uri, opening, X_FC);
+  auto source = open_unposed(*kind, uri, opening);
   if (!source) return source.error();
-  poses->see_from(X_FC);
+  poses->see_from((*source)->info().X_FC.value_or(Pose{}));
   return make_posed(*std::move(source), *std::move(poses));
 }
 

@@ -180,7 +180,91 @@ class Formats(CameraCase):
                            env={"PATH": "/usr/bin:/bin"})
             self.expect_same(f"ros1 {compression}", f"bag:{bag}")
 
-    def test_clouds(self):
+    def clouds(self, order):
+        """The points of each frame: organized, or only the measured ones in any order."""
+        import numpy
+        fx, fy, cx, cy = self.lens
+        v, u = numpy.mgrid[0:HEIGHT, 0:WIDTH]
+        for number, (time, counts) in enumerate(self.frames):
+            z = numpy.array(counts, float).reshape(HEIGHT, WIDTH) * UNIT
+            points = numpy.stack([(u - cx) / fx * z, (v - cy) / fy * z, z], -1)
+            points[z == 0] = numpy.nan
+            if order == "loose":
+                points = points[z > 0]
+                numpy.random.default_rng(number).shuffle(points)
+            yield time, points
+
+    def write_points(self, kind, order, layout=0):
+        """Writes a recording of PointCloud2 in one of three layouts, or a folder of PCD or PLY; returns its URI."""
+        import numpy
+        path = self.folder / f"{order} {kind} {layout}"
+        if kind == "bag":
+            self.write_point_bag(path, order, layout)
+            return f"bag:{path}"
+        path.mkdir()
+        lines = []
+        for number, (time, points) in enumerate(self.clouds(order)):
+            width, height = (points.shape[1], points.shape[0]) if points.ndim == 3 else (len(points), 1)
+            header = (f"ply\nformat binary_little_endian 1.0\nelement vertex {width * height}\nproperty float x\n"
+                      "property float y\nproperty float z\nend_header\n" if kind == "ply" else
+                      f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {width}\nHEIGHT {height}\n"
+                      f"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {width * height}\nDATA binary\n")
+            (path / f"{number}.{kind}").write_bytes(header.encode() + points.astype("<f4").tobytes())
+            lines.append(f"{time:.9f} {number}.{kind}")
+        (path / "depth.txt").write_text("\n".join(lines) + "\n")
+        return f"folder:{path}"
+
+    def write_point_bag(self, path, order, layout):
+        import numpy
+        store = rosbags.typesys.get_typestore(rosbags.typesys.Stores.ROS2_HUMBLE)
+        make = {key.rsplit("/", 1)[1]: value for key, value in store.types.items()}
+        # As packed floats; as PCL stores them; big-endian doubles in another order, with padded rows.
+        names, formats, offsets, size, padding = (
+            (("x", "y", "z"), ("<f4",) * 3, (0, 4, 8), 12, 0),
+            (("x", "y", "z", "rgb"), ("<f4",) * 4, (0, 4, 8, 16), 32, 0),
+            (("intensity", "z", "x", "y"), ("u1", ">f8", ">f8", ">f8"), (0, 1, 9, 17), 29, 7))[layout]
+        kinds = {"<f4": 7, "u1": 2, ">f8": 8}
+        fields = [make["PointField"](name, offset, kinds[each], 1)
+                  for name, each, offset in zip(names, formats, offsets)]
+        row = numpy.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": size})
+        with rosbags.rosbag2.Writer(path, version=9, storage_plugin=rosbags.rosbag2.StoragePlugin.MCAP) as writer:
+            clouds = writer.add_connection("/points", "sensor_msgs/msg/PointCloud2", typestore=store)
+            for time, points in self.clouds(order):
+                height, width = points.shape[:2] if points.ndim == 3 else (1, len(points))
+                rows = numpy.zeros((height, width), row)
+                for axis, name in enumerate("xyz"):
+                    rows[name] = points[..., axis].reshape(height, width)
+                data = rows.view("u1").reshape(height, width * size)
+                data = numpy.pad(data, ((0, 0), (0, padding)), constant_values=255)
+                stamp = round(time * 1e9) + 10**18
+                header = make["Header"](make["Time"](stamp // 10**9, stamp % 10**9), "cam")
+                message = make["PointCloud2"](header, height, width, fields, formats[-1][0] == ">", size,
+                                              width * size + padding, data.ravel(), False)
+                writer.write(clouds, stamp, store.serialize_cdr(message, message.__msgtype__))
+
+    def test_organized_clouds(self):
+        self.expect_same("pcd", self.write_points("pcd", "organized"))
+        for layout in range(3):
+            self.expect_same(f"points {layout}", self.write_points("bag", "organized", layout))
+
+    def test_clouds_in_any_order(self):
+        first = None
+        for kind, layout in (("pcd", 0), ("ply", 0), ("bag", 0), ("bag", 1), ("bag", 2)):
+            uri = self.write_points(kind, "loose", layout)
+            same = f"intrinsics={self.intrinsics}&size={WIDTH}x{HEIGHT}&unit={UNIT}"
+            self.expect_same(f"same camera {kind} {layout}", f"{uri}?{same}")
+            rows = self.felt(f"loose {kind} {layout}", uri)
+            self.assertEqual(len(rows), len(self.expected))
+            deep = [(row, want) for row, want in zip(rows, self.expected) if float(want["fraction"]) > 0.05]
+            self.assertGreater(len(deep), 100)
+            for row, want in deep:
+                volume = float(want["volume_m3"])
+                self.assertAlmostEqual(float(row["volume_m3"]) / volume, 1, delta=0.01)
+            first = first or rows
+            if kind == "bag":  # the same points at the same stamps, whatever the layout
+                self.assertEqual(len(rows), len(first))
+
+    def test_a_cloud_file(self):
         """One frame as an image and as an organized cloud."""
         _, counts = self.frames[0]
         image, cloud = self.folder / "one.png", self.folder / "one.pcd"

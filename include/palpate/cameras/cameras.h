@@ -61,6 +61,10 @@ struct CameraUri {
 
 /// Parses a URI, except its kind. Errors: an invalid parameter, with its name.
 Result<CameraUri> parse_camera_uri(std::string_view text);
+/// Parses a list. `look=round`, of clouds of scanners that see all round, stands for four cameras
+/// of 90 degrees: they look along x, y, -x and -y of the cloud's frame. Errors: of the first bad
+/// one.
+Result<std::vector<CameraUri>> parse_camera_uris(std::span<const std::string> texts);
 /// Checks that all cameras have the same world. Error: different worlds (`world=`).
 Status check_one_world(std::span<const CameraUri> cameras);
 

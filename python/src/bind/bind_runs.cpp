@@ -183,13 +183,16 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, const nb::list& camer
     }
     const auto uri = nb::cast<std::string>(camera);
     constexpr double kLongest = 86400;  // a hand takes its time
-    uris.push_back(taken(parse_camera_uri(uri)));
-    taken(check_one_world(uris));
-    if (const auto stands = standing_pose(uris.back()); stands && request.sources.empty()) {
-      touch.X_WC = stands->value_or(Pose{});
+    for (CameraUri& each : taken(parse_camera_uris({&uri, 1}))) {
+      uris.push_back(std::move(each));
+      taken(check_one_world(uris));
+      request.sources.push_back(opened_camera(
+          uris.back(), {is_live, is_live ? std::optional(kLongest) : duration}, is_live));
+      if (const auto stands = standing_pose(uris.back()); stands && request.sources.size() == 1) {
+        const Pose X_FC = request.sources.front()->info().X_FC.value_or(Pose{});
+        touch.X_WC = *stands ? **stands * X_FC : Pose{};
+      }
     }
-    request.sources.push_back(opened_camera(
-        uris.back(), {is_live, is_live ? std::optional(kLongest) : duration}, is_live));
     if (touch.path.empty()) touch.path = path_of_scene(uri);
   }
   if (request.sources.empty()) throw nb::value_error("cameras: give one, or several");

@@ -66,7 +66,8 @@ class RectifiedSource final : public DepthSource {
     drop_far_codes(frame, info_.sensor);
     const CameraModel model = truth_.model_of(raw_->info(), frame.width, frame.height);
     if (!has_rays(model)) return Error{Errc::bad_input, info_.name + " " + kNoRays};
-    if (const std::string doubt = doubts_.look(frame, model); !doubt.empty()) {
+    if (const std::string doubt = doubts_.look(frame, model, info_.X_FC.has_value());
+        !doubt.empty()) {
       const std::lock_guard lock(mutex_);
       notes_.push_back(info_.name + ": " + doubt);
     }
@@ -177,7 +178,8 @@ void LiveCamera::read_all() {
       if (!std::exchange(has_no_rays, true)) intake.add_note(kNoRays + "; they are dropped"s);
       continue;
     }
-    if (std::string doubt = doubts.look(frame, model); !doubt.empty()) {
+    if (std::string doubt = doubts.look(frame, model, raw->info().X_FC.has_value());
+        !doubt.empty()) {
       intake.add_note(std::move(doubt));
     }
     intake.give(frame, model, arrival);

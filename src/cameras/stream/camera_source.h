@@ -16,7 +16,6 @@ struct RawStream {
   std::unique_ptr<DepthSource> source;
   StampClock stamps = StampClock::cameras;
   bool can_come_back = true;  ///< once it is lost; live ones only
-  Pose X_FC = {};  ///< pose of the images' camera in the frame that has the stream's pose
 };
 using OpenRaw = std::function<Result<RawStream>()>;
 

@@ -13,20 +13,19 @@ namespace palpate { inline namespace v0 {
 /// Points of a file, and where their sensor stood.
 struct PointsFile {
   CloudPoints cloud;
-  Vec3d eye;  ///< VIEWPOINT of a PCD; else the origin
+  Vec3d eye;  ///< m; VIEWPOINT of a PCD; else the origin
 };
 /// Reads a PLY or PCD with or without normals; a PCD with HEIGHT > 1 stays organized. `scale`:
-/// meters per number. Errors: as of load_cloud, more than kMaxCloudPoints.
-Result<PointsFile> load_points(const std::filesystem::path& path, double scale = 1);
+/// meters per number; points become relative to `eye`, m. Errors: as of load_cloud, more than
+/// kMaxCloudPoints.
+Result<PointsFile> load_points(const std::filesystem::path& path, double scale = 1,
+                               const Vec3d& eye = {});
 
-struct CloudFolder {
-  std::unique_ptr<DepthSource> images;
-  Pose X_FC;  ///< pose of their camera in the frame of the points
-};
 /// Depth images of the PCD and PLY files of a list, in its order, by the camera of the first one.
 /// Seen from its VIEWPOINT unless the options say from where. `scale`: meters per number. Reads
 /// other files on demand. Errors: of the first file.
-Result<CloudFolder> open_cloud_folder(const FrameList& list, const CloudCameraOptions& options,
-                                      double scale, const std::string& name);
+Result<std::unique_ptr<DepthSource>> open_cloud_folder(const FrameList& list,
+                                                       const CloudCameraOptions& options,
+                                                       double scale, const std::string& name);
 
 }}  // namespace palpate::v0
