@@ -46,7 +46,7 @@ def cloud_message(data, num, stamp=1.0, fields=XYZ, step=12, row=None, height=1)
         put("I", 1)
     put("B", 0)
     put("I", step)
-    put("I", step * num if row is None else row)
+    put("I", min(step * num, 2**32 - 1) if row is None else row)
     put("I", len(data))
     message.extend(data)
     put("B", 1)
@@ -71,8 +71,9 @@ class Clouds(CameraCase):
         return f"bag:{path}"
 
     def query(self, camera, *poses):
-        words = [word for pose in poses for word in ("--pose", pose)]
-        done = self.check(palpate("query", self.tool, "--camera", camera, *words, "--json"))
+        path = self.folder / "poses.txt"
+        path.write_text("".join(f"{number} {pose}\n" for number, pose in enumerate(poses)))
+        done = self.check(palpate("query", self.tool, "--camera", camera, "--poses", path, "--json"))
         return json.loads(done.stdout)["results"], done.stderr.decode()
 
     def test_a_message_that_lies_is_one_sentence(self):
