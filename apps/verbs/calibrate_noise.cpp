@@ -46,7 +46,7 @@ Result<std::vector<DepthFrame>> read_scene(const std::string& text, int num_fram
     return Error{Errc::bad_input,
                  text + ": the camera moves; noise is measured with one that stands still"};
   }
-  if (stream.X_FC) {
+  if (projection_of(**source)) {
     return Error{Errc::bad_input,
                  text +
                      ": its clouds are projected into images, whose noise is not that of a "

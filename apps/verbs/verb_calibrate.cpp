@@ -48,7 +48,7 @@ Result<SurfaceEstimator> look(const CameraUri& uri, const std::string& name, int
   const DepthStreamInfo& stream = (*source)->info();
   const auto frame = mean_frame(**source, num_frames);
   if (!frame) return frame.error();
-  if (stream.X_FC && !(*stream.X_FC == Pose{})) {
+  if (!(projection_of(**source).value_or(Pose{}) == Pose{})) {
     return Error{Errc::bad_input,
                  name +
                      " sends clouds that are seen from another place or direction than their "

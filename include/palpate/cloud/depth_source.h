@@ -130,9 +130,6 @@ struct DepthStreamInfo {
   std::string frame = {};                ///< frame id of C as the stream names it; empty: unnamed
   bool is_moving = false;  ///< the camera moves: DepthFrame::X_WC changes between frames
   bool has_flow = false;   ///< frames have an optical flow: DepthFrame::flow
-  /// Pose of C in the frame F of projected clouds, whose pose the stream's is: then C has no lens
-  /// and no sensor. None: C is that of a camera.
-  std::optional<Pose> X_FC = {};
 };
 
 /// A depth source. One thread reads it, oldest frame first. A live source returns the newest frame

@@ -18,7 +18,7 @@ Result<RawStream> open_clouds(const CameraUri& uri, const FrameList& list) {
   if (!scale) return scale.error();
   auto folder = open_cloud_folder(list, *options, *scale, uri.target);
   if (!folder) return folder.error();
-  return RawStream{*std::move(folder)};
+  return RawStream{std::move(folder->images), StampClock::cameras, true, folder->X_FC};
 }
 
 }  // namespace

@@ -327,11 +327,12 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
     notes.push_back(info.name + ": a message of transforms is left out: " + contents.tf_trouble);
   }
   if (const Status again = (*reader)->rewind(); !again) return again.error();
+  const std::optional<Pose> X_FC = clouds ? clouds->camera()->projection() : std::nullopt;
   return RawStream{
       std::make_unique<BagSource>(*std::move(reader), *topic, unit, *scale, said, std::move(info),
                                   *std::move(models), *std::move(place), std::move(clouds),
                                   uri.latency, std::move(notes)),
-      StampClock::cameras, true};
+      StampClock::cameras, true, X_FC};
 }
 
 FoundCameras find_bag_cameras() {

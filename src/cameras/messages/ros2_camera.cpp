@@ -48,6 +48,9 @@ class Ros2Source final : public DepthSource {
   void cancel() noexcept override { received_.cancel(); }
   std::vector<std::string> take_notes() override { return received_.take_notes(); }
   StampClock stamps() const { return clock_; }
+  std::optional<Pose> projection() const {
+    return clouds_ ? clouds_->camera()->projection() : std::nullopt;
+  }
 
   Result<bool> next(DepthFrame& frame) override {
     if (has_first_) {
@@ -296,7 +299,8 @@ Result<RawStream> open_ros2_camera(const CameraUri& uri, const CameraOpening& op
   auto source = Ros2Source::open(uri, opening);
   if (!source) return source.error();
   const StampClock clock = (*source)->stamps();
-  return RawStream{*std::move(source), clock, false};
+  const std::optional<Pose> X_FC = (*source)->projection();
+  return RawStream{*std::move(source), clock, false, X_FC};
 }
 
 FoundCameras find_ros2_cameras() {

@@ -44,7 +44,6 @@ void CloudCamera::describe(DepthStreamInfo& info) const {
   info.height = model_.height;
   info.intrinsics = model_.intrinsics;
   info.unit = unit_;
-  info.X_FC = is_projected_ ? std::optional(X_FC_) : std::nullopt;
 }
 
 bool CloudCamera::is_image_of(const PointsView& cloud) const {

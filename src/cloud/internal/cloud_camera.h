@@ -80,9 +80,13 @@ class CloudCamera {
 
   const CameraModel& model() const { return model_; }
   double unit() const { return unit_; }
-  /// Sets size, intrinsics and unit of a stream of its images, and X_FC if they are projected.
+  /// Sets size, intrinsics and unit of a stream of its images.
   void describe(DepthStreamInfo& info) const;
   const Pose& X_FC() const { return X_FC_; }  ///< pose of the camera in the frame of the points
+  /// The same. None: the first cloud is an image.
+  std::optional<Pose> projection() const {
+    return is_projected_ ? std::optional(X_FC_) : std::nullopt;
+  }
 
   /// Makes the depth image: size, unit and pixels of `frame`. A cloud of the image's size whose
   /// points lie on the camera's rays (99 % of 4096 samples, within half a pixel) gives its z, to

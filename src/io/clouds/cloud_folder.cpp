@@ -65,9 +65,8 @@ class CloudFolderSource final : public DepthSource {
 
 }  // namespace
 
-Result<std::unique_ptr<DepthSource>> open_cloud_folder(const FrameList& list,
-                                                       const CloudCameraOptions& options,
-                                                       double scale, const std::string& name) {
+Result<CloudFolder> open_cloud_folder(const FrameList& list, const CloudCameraOptions& options,
+                                      double scale, const std::string& name) {
   const std::string& path = list.entries.front().path;
   CloudCameraOptions from = options;
   auto first = load_points(path, scale, from.viewpoint.value_or(Vec3d{}));
@@ -85,8 +84,11 @@ Result<std::unique_ptr<DepthSource>> open_cloud_folder(const FrameList& list,
   info.rate = list.rate;
   info.num_frames = static_cast<int>(list.entries.size());
   info.name = name;
-  return std::unique_ptr<DepthSource>(std::make_unique<CloudFolderSource>(
-      list, *std::move(camera), std::move(first->cloud), first->eye, scale, std::move(info)));
+  const std::optional<Pose> X_FC = camera->projection();
+  return CloudFolder{
+      std::make_unique<CloudFolderSource>(list, *std::move(camera), std::move(first->cloud),
+                                          first->eye, scale, std::move(info)),
+      X_FC};
 }
 
 }}  // namespace palpate::v0

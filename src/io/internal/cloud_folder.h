@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 
 #include "palpate/cloud/depth_source.h"
 #include "src/cloud/internal/cloud_camera.h"
@@ -21,11 +22,14 @@ struct PointsFile {
 Result<PointsFile> load_points(const std::filesystem::path& path, double scale = 1,
                                const Vec3d& eye = {});
 
+struct CloudFolder {
+  std::unique_ptr<DepthSource> images;
+  std::optional<Pose> X_FC;  ///< of their camera in the frame of the points, if they are projected
+};
 /// Depth images of the PCD and PLY files of a list, in its order, by the camera of the first one.
 /// Seen from its VIEWPOINT unless the options say from where. `scale`: meters per number. Reads
 /// other files on demand. Errors: of the first file.
-Result<std::unique_ptr<DepthSource>> open_cloud_folder(const FrameList& list,
-                                                       const CloudCameraOptions& options,
-                                                       double scale, const std::string& name);
+Result<CloudFolder> open_cloud_folder(const FrameList& list, const CloudCameraOptions& options,
+                                      double scale, const std::string& name);
 
 }}  // namespace palpate::v0
