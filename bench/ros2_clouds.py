@@ -4,7 +4,7 @@
 usage: bench/ros2_clouds.py BUILD_DIR [--seconds S] [--csv FILE]
 
 BUILD_DIR needs the targets palpate and fastdds_peer. The same bent wall comes as depth images, as organized clouds and as
-loose points in any order, whose stamps are exactly a period apart. Said are, by the program's own count: frames that
+loose points in any order, whose stamps are exactly a period apart; the subscription is reliable. Said are, by the program's own count: frames that
 came, that are missing between them, that were dropped for newer ones; and by what the robot hears: the wrench, and how far
 it is from that of the depth images, as a share of it. Rows are of the machine as loaded as it was; load is said.
 """
@@ -29,8 +29,8 @@ def beside_fast_dds(palpate, peer, case, work, environment, seconds):
     topic = "/camera/depth/image_raw" if case == "still" else "/camera/depth/points"
     robot = subprocess.Popen([peer, str(DOMAIN), str(WIDTH), str(HEIGHT), str(RATE), case], stdin=subprocess.PIPE,
                              stdout=subprocess.PIPE, text=True)
-    run = subprocess.run([palpate, "ros2", "ball.palp", "--depth", topic, "--pose", "/tool_pose", "-o", case, "--duration",
-                          str(seconds)], cwd=work, env=environment, capture_output=True, text=True, check=False)
+    run = subprocess.run([palpate, "ros2", "ball.palp", "--depth", topic, "--pose", "/tool_pose", "--qos", "reliable", "-o", case,
+                          "--duration", str(seconds)], cwd=work, env=environment, capture_output=True, text=True, check=False)
     said = robot.communicate()[0]
     if run.returncode != 0:
         sys.exit(f"ros2_clouds: {run.stderr}")

@@ -240,8 +240,9 @@ std::string cloud_of(const palpate::DepthFrame& frame, const palpate::Intrinsics
   for (std::size_t i = 0; i < frame.pixels.size(); ++i) {
     const auto width = static_cast<std::size_t>(frame.width);
     const double z = frame.unit * frame.pixels[i];
-    cloud.points.push_back(to_float({(static_cast<double>(i % width) - k.cx) / k.fx * z,
-                                     (static_cast<double>(i / width) - k.cy) / k.fy * z, z}));
+    cloud.points.push_back(
+        palpate::to_float({(static_cast<double>(i % width) - k.cx) / k.fx * z,
+                           (static_cast<double>(i / width) - k.cy) / k.fy * z, z}));
   }
   if (!is_organized) {
     std::shuffle(cloud.points.begin(), cloud.points.end(), std::mt19937(1));
