@@ -70,6 +70,7 @@ ros2-figures: setup  ## palpate ros2 beside a robot on Fast DDS, losses and late
 	scripts/setup.sh --test
 	$(call build_preset,release) --target palpate fastdds_peer
 	bench/ros2_figures.py build/release --seconds $(or $(DURATION),60) --csv build/ros2-figures.csv
+	bench/ros2_clouds.py build/release --seconds $(or $(DURATION),60) --csv build/ros2-clouds.csv
 
 sensor-figures: setup  ## presets by kind of sensor on recorded frames: make sensor-figures DATA=FOLDER
 	@[ -n "$(DATA)" ] || { echo "make sensor-figures: say where the recorded frames are: DATA=FOLDER"; exit 2; }

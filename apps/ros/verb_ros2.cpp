@@ -80,9 +80,9 @@ void add_ros2(CLI::App& program, Action& action) {
       "Be a node of ROS 2: depth images and the tool's pose in, the wrench of contact out; or with "
       "--robot and no tool, joint states in, the clearance of the whole robot out.");
   app.add_option("tool", touch.tool, "tool file; none: all of --robot")->type_name("TOOL.palp");
-  app.add_option(
-         "--depth", options->depths,
-         "depth images: Image, .../compressedDepth, or PNG of .../compressed; once for each camera")
+  app.add_option("--depth", options->depths,
+                 "depth images: Image, .../compressedDepth, or PNG of .../compressed; or clouds: "
+                 "PointCloud2; once for each camera")
       ->required()
       ->allow_extra_args(false)
       ->type_name("TOPIC");

@@ -89,9 +89,6 @@ std::vector<CameraUri> named_cameras(const SourceOptions& options, const std::st
   const int num_sources = int(!options.depth_sequence.empty()) + int(!options.scene.empty()) +
                           int(!options.cameras.empty()) + int(!options.rig.empty());
   if (num_sources > 1) refuse("give one of --camera, --rig, --depth-sequence and --scene");
-  if (options.cameras.size() > kMaxCameras) {
-    refuse("at most " + std::to_string(kMaxCameras) + " cameras are joined");
-  }
   if (options.depth_sequence.empty() && options.camera.intrinsics) {
     refuse("--intrinsics goes with --depth-sequence; a camera takes ?intrinsics=");
   }
@@ -118,13 +115,12 @@ std::vector<CameraUri> named_cameras(const SourceOptions& options, const std::st
     }
     return {camera_of_scene(options)};
   }
-  std::vector<CameraUri> cameras;
-  for (const std::string& text : options.cameras) {
-    auto uri = parse_camera_uri(text);
-    if (!uri) usage_error("--" + uri.error().message);
-    cameras.push_back(*std::move(uri));
+  auto cameras = parse_camera_uris(options.cameras);
+  if (!cameras) usage_error("--" + cameras.error().message);
+  if (cameras->size() > kMaxCameras) {
+    refuse("at most " + std::to_string(kMaxCameras) + " cameras are joined");
   }
-  return cameras;
+  return *std::move(cameras);
 }
 
 }  // namespace

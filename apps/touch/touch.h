@@ -73,6 +73,7 @@ struct TouchInput {
   std::vector<TimedPose> path;                        ///< X_WT, or X_BH where the options say so
   std::optional<ProbeChoice> probe;                   ///< if the path is generated
   std::optional<Pose> X_WC;          ///< of the first camera, if the path is generated
+  Pose X_FC;                         ///< of its clouds, if they are projected
   double path_start = 0;             ///< on the path's clock: when the run begins
   std::optional<double> frame_zero;  ///< on that of the frames; none: with the first one
   double time_origin = 0;            ///< of wrench.csv: when the run begins

@@ -20,11 +20,14 @@ bool counts_from_1970(double time) { return time > 1e8; }
 bool is_aimed(const ProbeAim& aim) { return aim.pixel || aim.point_W || aim.tip_T; }
 
 /// Opens the frames that a user requests. `duration`: of simulated ones, nullopt for the scene's.
+/// `X_FC`: set for clouds that are projected.
 Result<std::unique_ptr<DepthSource>> open_stream(const TouchOptions& options,
                                                  const CameraUri& camera,
-                                                 std::optional<double> duration) {
+                                                 std::optional<double> duration,
+                                                 std::optional<Pose>* X_FC = nullptr) {
   auto source = open_camera(camera, opening(!options.device.empty(), duration));
   if (!source) return source;
+  if (X_FC != nullptr) *X_FC = projection_of(**source);
   return without_robot(options.self_filter, *std::move(source),
                        place_of_surfaces(options.settings));
 }
@@ -150,9 +153,11 @@ Status add_sources(const TouchOptions& options, TouchInput& input) {
   constexpr double kLongest = 86400;
   const bool is_live = !options.device.empty();
   for (const CameraUri& camera : options.cameras) {
+    std::optional<Pose> X_FC;
     auto source =
-        open_stream(options, camera, is_live ? std::optional(kLongest) : options.duration);
+        open_stream(options, camera, is_live ? std::optional(kLongest) : options.duration, &X_FC);
     if (!source) return source.error();
+    if (input.sources.empty()) input.X_FC = X_FC.value_or(Pose{});
     input.sources.push_back(*std::move(source));
   }
   return Done{};

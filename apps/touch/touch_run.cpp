@@ -29,7 +29,7 @@ void place(const TouchOptions& options, const TouchInput& input, CouplingOptions
       options.is_given("coupling.base_in_scene") || options.is_given("coupling.tool_in_hand");
   if (!has_hand || input.path.empty() || is_placed) return;
   const auto stands = standing_pose(options.cameras.front());
-  const Pose X_WC = input.X_WC ? *input.X_WC : stands ? stands->value_or(Pose{}) : Pose{};
+  const Pose X_WC = input.X_WC ? *input.X_WC : stands && *stands ? **stands * input.X_FC : Pose{};
   place_hand(X_WC, input.path.front().X_WT, coupling);
 }
 

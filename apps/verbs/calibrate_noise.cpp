@@ -46,6 +46,12 @@ Result<std::vector<DepthFrame>> read_scene(const std::string& text, int num_fram
     return Error{Errc::bad_input,
                  text + ": the camera moves; noise is measured with one that stands still"};
   }
+  if (projection_of(**source)) {
+    return Error{Errc::bad_input,
+                 text +
+                     ": its clouds are projected into images, whose noise is not that of a "
+                     "sensor; give the depth images of the camera, or its organized clouds"};
+  }
   const SensorNoise own = mode_of(stream);
   if (mode.width == 0) mode = own;
   if (text_of(own) != text_of(mode)) {

@@ -220,7 +220,10 @@ void add_frozen_options(CLI::App& app, FrozenOptions& options) {
 }
 
 void check(FrozenOptions& options) {
-  const std::size_t num_images = options.depths.size(), num_streams = options.streams.size();
+  auto cameras = parse_camera_uris(options.streams);
+  if (!cameras) usage_error("--" + cameras.error().message);
+  options.cameras = *std::move(cameras);
+  const std::size_t num_images = options.depths.size(), num_streams = options.cameras.size();
   const std::size_t num_poses = options.X_WC.size(), num_intrinsics = options.intrinsics.size();
   const bool has_cloud = !options.cloud.empty();
   if (int(has_cloud) + int(num_images > 0) + int(num_streams > 0) != 1) {
@@ -242,11 +245,6 @@ void check(FrozenOptions& options) {
     usage_error("query: " + std::to_string(num_images) + " images have " +
                 std::to_string(num_poses) +
                 " times --camera-pose; give it for each, or for all but the first");
-  }
-  for (const std::string& stream : options.streams) {
-    const auto uri = parse_camera_uri(stream);
-    if (!uri) usage_error("--" + uri.error().message);
-    options.cameras.push_back(*uri);
   }
   if (const Status status = check_one_world(options.cameras); !status) {
     usage_error("query: " + status.error().message);

@@ -48,8 +48,7 @@ Result<SurfaceEstimator> look(const CameraUri& uri, const std::string& name, int
   const DepthStreamInfo& stream = (*source)->info();
   const auto frame = mean_frame(**source, num_frames);
   if (!frame) return frame.error();
-  const Pose X_FC = inverse(**X_WC) * frame->X_WC;
-  if (norm(X_FC.translation) > 1e-9 || std::abs(X_FC.rotation.w) < 1 - 1e-9) {
+  if (!(projection_of(**source).value_or(Pose{}) == Pose{})) {
     return Error{Errc::bad_input,
                  name +
                      " sends clouds that are seen from another place or direction than their "

@@ -54,10 +54,7 @@ class InterruptWatch {
 Status run(const Options& options) {
   std::vector<std::unique_ptr<DepthSource>> opened;
   std::vector<DepthSource*> all;
-  std::vector<CameraUri> cameras;
-  for (const std::string& camera : options.cameras) {
-    cameras.push_back(parse_camera_uri(camera).value());
-  }
+  const std::vector<CameraUri> cameras = parse_camera_uris(options.cameras).value();
   if (const Status status = check_one_world(cameras); !status) return status;
   const auto filter = open_robot(options.robot, cameras);
   if (!filter) return filter.error();
@@ -134,13 +131,10 @@ void add_record(CLI::App& program, Action& action) {
   app.footer("Example: palpate record --camera openni2 --duration 10 -o hand.mcap");
   app.callback([options, &app, &action] {
     check_robot(app, "record");
-    if (options->cameras.size() > kMaxCameras) {
+    const auto cameras = parse_camera_uris(options->cameras);
+    if (!cameras) usage_error("--" + cameras.error().message);
+    if (cameras->size() > kMaxCameras) {
       usage_error("record: at most " + std::to_string(kMaxCameras) + " cameras at once");
-    }
-    for (const std::string& camera : options->cameras) {
-      if (const auto uri = parse_camera_uri(camera); !uri) {
-        usage_error("--" + uri.error().message);
-      }
     }
     action = [options] { return run(*options); };
   });

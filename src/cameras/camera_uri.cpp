@@ -183,6 +183,27 @@ Result<CameraUri> parse_camera_uri(std::string_view text) {
   return uri;
 }
 
+Result<std::vector<CameraUri>> parse_camera_uris(std::span<const std::string> texts) {
+  constexpr std::string_view kRound = "look=round";
+  std::vector<CameraUri> cameras;
+  for (const std::string& text : texts) {
+    auto parsed = parse_camera_uri(text);
+    if (!parsed) return parsed.error();
+    const auto look = parsed->extras.find("look");
+    if (look == parsed->extras.end() || look->second != "round") {
+      cameras.push_back(*std::move(parsed));
+      continue;
+    }
+    for (const char* const way : {"1,0,0", "0,1,0", "-1,0,0", "0,-1,0"}) {
+      look->second = way;
+      parsed->text = text;
+      parsed->text.replace(text.rfind(kRound), kRound.size(), std::string("look=") + way);
+      cameras.push_back(*parsed);
+    }
+  }
+  return cameras;
+}
+
 Status check_one_world(std::span<const CameraUri> cameras) {
   const std::string* world = nullptr;
   for (const CameraUri& camera : cameras) {

@@ -68,7 +68,8 @@ Status check_unused(const Kind& kind, const CameraUri& uri) {
 }
 
 Result<std::unique_ptr<DepthSource>> open_unposed(const Kind& kind, const CameraUri& uri,
-                                                  const CameraOpening& opening, Pose& X_FC) {
+                                                  const CameraOpening& opening,
+                                                  std::optional<Pose>& X_FC) {
   if (const Status status = check_unused(kind, uri); !status) return status.error();
   auto raw = kind.open(uri, opening);
   if (!raw) return raw.error();
@@ -77,7 +78,7 @@ Result<std::unique_ptr<DepthSource>> open_unposed(const Kind& kind, const Camera
     if (uri.latency != 0 && kind.name != "bag") {
       return unused(uri, "latency", "it is of live cameras, and of bag");
     }
-    return make_rectified(std::move(raw->source), uri);
+    return make_rectified(*std::move(raw), uri);
   }
   OpenRaw again;
   if (raw->can_come_back) {
@@ -151,11 +152,10 @@ Result<std::unique_ptr<DepthSource>> open_camera(const CameraUri& uri,
   if (kind == std::end(kKinds)) return no_such_kind(uri);
   auto poses = CameraPoses::of(uri);
   if (!poses) return poses.error();
-  Pose X_FC;
+  std::optional<Pose> X_FC;
   auto source = open_unposed(*kind, uri, opening, X_FC);
   if (!source) return source.error();
-  poses->see_from(X_FC);
-  return make_posed(*std::move(source), *std::move(poses));
+  return make_posed(*std::move(source), *std::move(poses), X_FC);
 }
 
 }}  // namespace palpate::v0

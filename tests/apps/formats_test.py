@@ -6,6 +6,7 @@ Usage: formats_test.py PATH_OF_PALPATE"""
 import csv
 import io
 import json
+import math
 import pathlib
 import struct
 import subprocess
@@ -50,23 +51,30 @@ class Formats(CameraCase):
     def setUpClass(cls):
         super().setUpClass()
         cls.recording = cls.folder / "made.mcap"
-        cls.check(palpate("record", "--camera", f"scene:hand?size={WIDTH}x{HEIGHT}&rate={RATE}&unit={UNIT}&seed=7",
-                          "--duration", 1, "-o", cls.recording))
-        cls.frames = []  # (s, counts)
-        with rosbags.highlevel.AnyReader([cls.recording]) as reader:
-            for connection, _, data in reader.messages():
-                if connection.topic.endswith("image_rect_raw"):
-                    image = reader.deserialize(data, connection.msgtype)
-                    stamp = image.header.stamp
-                    cls.frames.append((stamp.sec + 1e-9 * stamp.nanosec, image.data.view("<u2").tolist()))
-                elif connection.topic.endswith("camera_info"):
-                    info = reader.deserialize(data, connection.msgtype)
-                    cls.lens = [float(info.k[k]) for k in (0, 4, 2, 5)]
+        cls.size = WIDTH, HEIGHT
+        cls.frames, cls.lens = cls.recorded(
+            cls.recording, f"scene:hand?size={WIDTH}x{HEIGHT}&rate={RATE}&unit={UNIT}&seed=7", 1)
         cls.intrinsics = ",".join(map(repr, cls.lens))
         # Into the hand and along it.
         nearest = min(count for count in cls.frames[0][1] if 0 < count < 65535) * UNIT
         cls.path.write_text(f"0 0 0 {nearest - 0.06} 0 0 0 1\n0.5 0 0 {nearest + 0.02} 0 0 0 1\n"
                             f"0.9 0.02 0.01 {nearest + 0.03} 0 0.1 0 0.994987437\n")
+
+    @classmethod
+    def recorded(cls, path, scene, duration):
+        """Records a scene; returns its frames (s, counts) and its lens."""
+        cls.check(palpate("record", "--camera", scene, "--duration", duration, "-o", path))
+        frames = []
+        with rosbags.highlevel.AnyReader([path]) as reader:
+            for connection, _, data in reader.messages():
+                if connection.topic.endswith("image_rect_raw"):
+                    image = reader.deserialize(data, connection.msgtype)
+                    stamp = image.header.stamp
+                    frames.append((stamp.sec + 1e-9 * stamp.nanosec, image.data.view("<u2").tolist()))
+                elif connection.topic.endswith("camera_info"):
+                    info = reader.deserialize(data, connection.msgtype)
+                    lens = [float(info.k[k]) for k in (0, 4, 2, 5)]
+        return frames, lens
 
     def felt(self, name, camera):
         """The rows of wrench.csv, as text: the same text is the same bits."""
@@ -180,7 +188,106 @@ class Formats(CameraCase):
                            env={"PATH": "/usr/bin:/bin"})
             self.expect_same(f"ros1 {compression}", f"bag:{bag}")
 
-    def test_clouds(self):
+    def clouds(self, order):
+        """The points of each frame: organized, or only the measured ones in any order."""
+        import numpy
+        fx, fy, cx, cy = self.lens
+        width, height = self.size
+        v, u = numpy.mgrid[0:height, 0:width]
+        for number, (time, counts) in enumerate(self.frames):
+            z = numpy.array(counts, float).reshape(height, width) * UNIT
+            points = numpy.stack([(u - cx) / fx * z, (v - cy) / fy * z, z], -1)
+            points[z == 0] = numpy.nan
+            if order == "loose":
+                points = points[z > 0]
+                numpy.random.default_rng(number).shuffle(points)
+            yield time, points
+
+    def write_points(self, kind, order, layout=0):
+        """Writes a recording of PointCloud2 in one of three layouts, or a folder of PCD or PLY; returns its URI."""
+        import numpy
+        path = self.folder / f"{order} {kind} {layout} {self.size[0]}"
+        if kind == "bag":
+            self.write_point_bag(path, order, layout)
+            return f"bag:{path}"
+        path.mkdir()
+        lines = []
+        for number, (time, points) in enumerate(self.clouds(order)):
+            width, height = (points.shape[1], points.shape[0]) if points.ndim == 3 else (len(points), 1)
+            header = (f"ply\nformat binary_little_endian 1.0\nelement vertex {width * height}\nproperty float x\n"
+                      "property float y\nproperty float z\nend_header\n" if kind == "ply" else
+                      f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {width}\nHEIGHT {height}\n"
+                      f"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {width * height}\nDATA binary\n")
+            (path / f"{number}.{kind}").write_bytes(header.encode() + points.astype("<f4").tobytes())
+            lines.append(f"{time:.9f} {number}.{kind}")
+        (path / "depth.txt").write_text("\n".join(lines) + "\n")
+        return f"folder:{path}"
+
+    def write_point_bag(self, path, order, layout):
+        import numpy
+        store = rosbags.typesys.get_typestore(rosbags.typesys.Stores.ROS2_HUMBLE)
+        make = {key.rsplit("/", 1)[1]: value for key, value in store.types.items()}
+        # As packed floats; as PCL stores them; big-endian doubles in another order, with padded rows.
+        names, formats, offsets, size, padding = (
+            (("x", "y", "z"), ("<f4",) * 3, (0, 4, 8), 12, 0),
+            (("x", "y", "z", "rgb"), ("<f4",) * 4, (0, 4, 8, 16), 32, 0),
+            (("intensity", "z", "x", "y"), ("u1", ">f8", ">f8", ">f8"), (0, 1, 9, 17), 29, 7))[layout]
+        kinds = {"<f4": 7, "u1": 2, ">f8": 8}
+        fields = [make["PointField"](name, offset, kinds[each], 1)
+                  for name, each, offset in zip(names, formats, offsets)]
+        row = numpy.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": size})
+        with rosbags.rosbag2.Writer(path, version=9, storage_plugin=rosbags.rosbag2.StoragePlugin.MCAP) as writer:
+            clouds = writer.add_connection("/points", "sensor_msgs/msg/PointCloud2", typestore=store)
+            for time, points in self.clouds(order):
+                height, width = points.shape[:2] if points.ndim == 3 else (1, len(points))
+                rows = numpy.zeros((height, width), row)
+                for axis, name in enumerate("xyz"):
+                    rows[name] = points[..., axis].reshape(height, width)
+                data = rows.view("u1").reshape(height, width * size)
+                data = numpy.pad(data, ((0, 0), (0, padding)), constant_values=255)
+                stamp = round(time * 1e9) + 10**18
+                header = make["Header"](make["Time"](stamp // 10**9, stamp % 10**9), "cam")
+                message = make["PointCloud2"](header, height, width, fields, formats[-1][0] == ">", size,
+                                              width * size + padding, data.ravel(), False)
+                writer.write(clouds, stamp, store.serialize_cdr(message, message.__msgtype__))
+
+    def test_organized_clouds(self):
+        self.expect_same("pcd", self.write_points("pcd", "organized"))
+        for layout in range(3):
+            self.expect_same(f"points {layout}", self.write_points("bag", "organized", layout))
+
+    ALL_KINDS = (("pcd", 0), ("ply", 0), ("bag", 0), ("bag", 1), ("bag", 2))
+
+    def test_clouds_in_any_order_with_the_camera_of_the_images(self):
+        same = f"intrinsics={self.intrinsics}&size={WIDTH}x{HEIGHT}&unit={UNIT}"
+        for kind, layout in self.ALL_KINDS:
+            self.expect_same(f"same camera {kind} {layout}", f"{self.write_points(kind, 'loose', layout)}?{same}")
+
+    def test_clouds_in_any_order(self):
+        """By a camera of their own: within 1 % of the volume, on a ball, which is smooth over pixels."""
+        self.size = 320, 240
+        ball = self.folder / "ball.mcap"
+        self.frames, self.lens = self.recorded(
+            ball, f"scene:sphere-out-320?size=320x240&unit={UNIT}&noise=off", 0.1)
+        nearest = min(count for count in self.frames[0][1] if 0 < count < 65535) * UNIT
+        poses = self.folder / "poses.txt"
+        poses.write_text("".join(f"{k} {0.004 * k} {-0.003 * k} {nearest - 0.02 + 0.004 * k} 0 0.1 0 0.994987437\n"
+                                 for k in range(6)))
+
+        def query(camera):
+            done = self.check(palpate("query", self.tool, "--camera", camera, "--poses", poses, "--json"))
+            return json.loads(done.stdout)["results"]
+
+        expected = query(f"bag:{ball}")
+        for kind, layout in self.ALL_KINDS:
+            for result, want in zip(query(self.write_points(kind, "loose", layout)), expected):
+                volume = want["volume"]
+                self.assertGreater(volume, 5e-6)
+                self.assertAlmostEqual(result["volume"], volume, delta=0.01 * volume)
+                self.assertLess(math.dist(result["force"], want["force"]), 0.01 * volume)
+                self.assertLess(math.dist(result["torque"], want["torque"]), 0.01 * volume * 0.05)  # its arm
+
+    def test_a_cloud_file(self):
         """One frame as an image and as an organized cloud."""
         _, counts = self.frames[0]
         image, cloud = self.folder / "one.png", self.folder / "one.pcd"

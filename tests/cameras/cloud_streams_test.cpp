@@ -133,16 +133,18 @@ double volume_behind(const DepthStreamInfo& info, const DepthFrame& frame) {
 class CloudStreams : public testing::Test {
  protected:
   std::string write_bag(const std::string& name, const std::function<CloudPoints(int)>& cloud,
-                        const CloudLayout& layout = {}, int num = 3) {
+                        const CloudLayout& layout = {},
+                        const std::vector<double>& stamps = {1, 1.1, 1.2}) {
     const fs::path path = folder_.path() / name;
     auto writer = McapWriter::create(path).value();
     const auto channel = writer.add_channel({"/points", "sensor_msgs/msg/PointCloud2", ""});
     const auto tf = writer.add_channel({"/tf_static", "tf2_msgs/msg/TFMessage", ""});
     const RosTransform there[] = {{"map", "cam", {{0, 0, 2}, {}}}};
     EXPECT_TRUE(writer.write(tf, 0, transform_message(0, there)));
-    for (int k = 0; k < num; ++k) {
+    for (int k = 0; k < std::ssize(stamps); ++k) {
+      const double stamp = stamps[static_cast<std::size_t>(k)];
       EXPECT_TRUE(writer.write(channel, static_cast<std::uint64_t>(1e9 + 1e8 * k),
-                               test::cloud_message(cloud(k).view(), layout, 1 + 0.1 * k)));
+                               test::cloud_message(cloud(k).view(), layout, stamp)));
     }
     EXPECT_TRUE(writer.finish());
     return "bag:" + path.string();
@@ -263,6 +265,106 @@ TEST_F(CloudStreams, BadMessagesAndParametersAreOneSentence) {
   }));
   EXPECT_EQ(hollow.frames.size(), 2u) << hollow.error;
   EXPECT_TRUE(hollow.is_noted("a message is left out: a point cloud has no points"));
+}
+
+TEST_F(CloudStreams, StampsThatJumpAreTold) {
+  const Seen seen =
+      see(write_bag("j.mcap", organized, {}, {1, 1.1, 0.4, 1.2, 1.3, 101.3, 101.4, 3}));
+  EXPECT_EQ(seen.frames.size(), 6u) << seen.error;
+  EXPECT_TRUE(seen.is_noted("2 of its 8 frames are left out, as their stamps are not later"));
+  EXPECT_TRUE(seen.is_noted("100 s lie between two of its frames"));
+}
+
+TEST_F(CloudStreams, CloudsBesideUnreadableDepthImagesAreTakenWithANote) {
+  const fs::path path = folder_.path() / "d.mcap";
+  auto writer = McapWriter::create(path).value();
+  const auto image = writer.add_channel({"/camera/depth/image", "sensor_msgs/msg/Image", ""});
+  const auto color = writer.add_channel({"/camera/color/image", "sensor_msgs/msg/Image", ""});
+  const auto points = writer.add_channel({"/points", "sensor_msgs/msg/PointCloud2", ""});
+  ASSERT_TRUE(writer.write(image, 1, "damaged"));
+  ASSERT_TRUE(writer.write(color, 1, "damaged"));
+  ASSERT_TRUE(writer.write(points, 1, test::cloud_message(organized(0).view())));
+  ASSERT_TRUE(writer.finish());
+  const Seen seen = see("bag:" + path.string());
+  EXPECT_EQ(seen.frames.size(), 1u) << seen.error;
+  ASSERT_EQ(seen.notes.size(), 1u);
+  EXPECT_TRUE(
+      seen.is_noted("the clouds on /points are taken, as its depth images are not read; "
+                    "/camera/depth/image: "));
+  EXPECT_FALSE(seen.is_noted("color"));
+}
+
+TEST_F(CloudStreams, FarFromTheOriginTheyAreSeenAsNearIt) {
+  const std::string size = "&look=0,0,1&size=160x120&intrinsics=140,140,79.5,59.5&unit=0.001";
+  CloudLayout far = CloudLayout::three()[2];
+  far.shift = {400'000, 5'000'000, 100};
+  const Seen near = see(write_bag("n.mcap", organized) + "?viewpoint=0,0,0" + size);
+  const Seen seen =
+      see(write_bag("f.mcap", organized, far) + "?viewpoint=400000,5000000,100" + size);
+  ASSERT_EQ(near.frames.size(), 3u) << near.error;
+  ASSERT_EQ(seen.frames.size(), 3u) << seen.error;
+  EXPECT_EQ(seen.frames[0].X_WC.translation, far.shift);
+  EXPECT_EQ(seen.frames[1].pixels, near.frames[1].pixels);
+  // The same as text, from where the file says.
+  const fs::path path = folder_.path() / "far";
+  fs::create_directory(path);
+  const CloudPoints cloud = unorganized(1);
+  std::ofstream file(path / "1.pcd");
+  file.precision(12);
+  file << "VERSION .7\nFIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\nWIDTH "
+       << cloud.points.size() << "\nHEIGHT 1\nVIEWPOINT 400000 5000000 100 1 0 0 0\nDATA ascii\n";
+  for (const Vec3f& p : cloud.points) {
+    const Vec3d there = to_double(p) + far.shift;
+    file << there.x << ' ' << there.y << ' ' << there.z << '\n';
+  }
+  file.close();
+  const Seen text = see("folder:" + path.string() + "?" + size.substr(1));
+  ASSERT_EQ(text.frames.size(), 1u) << text.error;
+  EXPECT_EQ(text.frames[0].pixels, near.frames[1].pixels);
+}
+
+// 40,000 points on the walls of a room of 4 x 4 x 2 m, as from a scanner in its middle.
+TEST_F(CloudStreams, AScannerThatSeesAllRoundIsFourCameras) {
+  const auto room = [](int) {
+    CloudPoints cloud;
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> angle(-3.14159265, 3.14159265), slope(-0.3, 0.3);
+    for (int i = 0; i < 40'000; ++i) {
+      const double a = angle(random),
+                   far = 2 / std::max(std::abs(std::cos(a)), std::abs(std::sin(a)));
+      cloud.points.push_back(to_float({far * std::cos(a), far * std::sin(a), far * slope(random)}));
+    }
+    cloud.width = static_cast<int>(cloud.points.size());
+    return cloud;
+  };
+  const std::string uri = write_bag("r.mcap", room);
+  EXPECT_NE(see(uri).error.find("give ?look=round"), std::string::npos) << see(uri).error;
+  EXPECT_NE(see(uri + "?look=round").error.find("'look' must be x,y,z"), std::string::npos);
+  const std::string text = uri + "?look=round&pose=0,0,1,0,0,0,1";
+  const auto cameras = parse_camera_uris({&text, 1});
+  ASSERT_TRUE(cameras);
+  ASSERT_EQ(cameras->size(), 4u);
+  std::size_t num = 0;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const Seen seen = see((*cameras)[k].text);
+    ASSERT_EQ(seen.frames.size(), 3u) << seen.error;
+    EXPECT_FALSE(seen.is_noted("field of view")) << "nobody has given one";
+    const Intrinsics& intrinsics = seen.info.intrinsics;
+    EXPECT_LT(2 * intrinsics.fx, seen.info.width);
+    const Pose& X_WC = seen.frames[0].X_WC;
+    EXPECT_EQ(X_WC.translation, (Vec3d{0, 0, 1}));
+    // Each pixel lies on a wall.
+    for (std::size_t i = 0; i < seen.frames[0].pixels.size(); ++i) {
+      const double z = seen.frames[0].unit * seen.frames[0].pixels[i];
+      if (z == 0) continue;
+      const auto u = static_cast<double>(i % static_cast<std::size_t>(seen.info.width));
+      const Vec3d p = X_WC * Vec3d{(u - intrinsics.cx) / intrinsics.fx * z, 0, z};
+      ++num;
+      if (std::abs(std::abs(p.x) - std::abs(p.y)) < 0.2) continue;  // corners are cut
+      EXPECT_NEAR(std::max(std::abs(p.x), std::abs(p.y)), 2, 0.005);
+    }
+  }
+  EXPECT_GT(num, 10'000u);
 }
 
 TEST_F(CloudStreams, PushedPointsAreTheImageOfTheirCamera) {

@@ -185,6 +185,11 @@ TEST(Plausibility, DoubtsUnitsAndIntrinsicsThatCannotBe) {
   EXPECT_LT(degrees, 15);
   EXPECT_TRUE(has(Plausibility().look(good, narrow),
                   "field of view of " + std::to_string(std::lround(degrees)) + " degrees"));
+  // Images of points have the camera that was made for them, and scanners see far.
+  EXPECT_EQ(Plausibility().look(good, narrow, true), "");
+  EXPECT_EQ(Plausibility().look(tenfold, model, true), "");
+  tenfold.unit = 1;  // millimeters, read as meters
+  EXPECT_TRUE(has(Plausibility().look(tenfold, model, true), "give scale=METERS"));
 }
 
 }  // namespace

@@ -54,7 +54,9 @@ CloudPoints shuffled(CloudPoints cloud) {
 
 TEST(CloudCamera, AnOrganizedCloudIsItsImageToTheBit) {
   const DepthFrame expected = image();
-  for (const Intrinsics& k : {kIntrinsics, Intrinsics{61.2345, 60, 40, 30.5}}) {
+  for (const Intrinsics& k : {kIntrinsics, Intrinsics{61.2345, 60, 40, 30.5},
+                              Intrinsics{61.234568, 60.000123, 39.5, 29.512345},
+                              Intrinsics{61.2345676f, 61.7654321f, 39.4321098f, 29.8765432f}}) {
     const CloudPoints cloud = points_of(expected, k);
     auto camera = CloudCamera::create(cloud.view(), {});
     ASSERT_TRUE(camera) << camera.error().message;
@@ -195,10 +197,13 @@ TEST(CloudCamera, NormalsThatPointAwayHideTheirPoints) {
 
 TEST(CloudCamera, AViewpointMovesTheCameraAndNotThePoints) {
   const Vec3d n = normalized(Vec3d{0.2, 0.1, -1});
-  CloudPoints cloud = on_plane(n, n.z * 1.0, 20000);
-  auto camera = CloudCamera::create(cloud.view(), {.viewpoint = Vec3d{0.1, 0, 0.3}, .unit = 3e-5});
+  const CloudPoints cloud = on_plane(n, n.z * 1.0, 20000);
+  const Vec3d eye{0.1, 0, 0.3};
+  CloudPoints from_eye = cloud;
+  for (Vec3f& p : from_eye.points) p = to_float(to_double(p) - eye);
+  auto camera = CloudCamera::create(from_eye.view(), {.viewpoint = eye, .unit = 3e-5});
   ASSERT_TRUE(camera);
-  EXPECT_EQ(camera->X_FC().translation, (Vec3d{0.1, 0, 0.3}));
+  EXPECT_EQ(camera->X_FC().translation, eye);
   // A frame like that of a robot: x forward, z up.
   CloudPoints turned = cloud;
   for (Vec3f& p : turned.points) p = {p.z, -p.x, -p.y};
@@ -206,7 +211,7 @@ TEST(CloudCamera, AViewpointMovesTheCameraAndNotThePoints) {
   ASSERT_TRUE(other) << other.error().message;
   for (CloudCamera* each : {&*camera, &*other}) {
     DepthFrame frame;
-    each->take(each == &*camera ? cloud.view() : turned.view(), frame);
+    each->take(each == &*camera ? from_eye.view() : turned.view(), frame);
     const auto& [width, height, k, none] = each->model();
     const std::size_t middle = static_cast<std::size_t>(height / 2 * width + width / 2);
     const double z = frame.unit * frame.pixels[middle];

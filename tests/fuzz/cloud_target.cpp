@@ -93,7 +93,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (size == 0) return 0;
   const std::string_view bytes = text_of(data + 1, size - 1);
   CloudPoints points;
-  if (data[0] == kMessage && read_point_cloud(bytes, 1, points)) see(points);
+  if (data[0] == kMessage && read_point_cloud(bytes, 1, {0, 0, 1}, points)) see(points);
   if (data[0] == kFile) read_file(bytes);
   return 0;
 }

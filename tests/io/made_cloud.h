@@ -28,6 +28,7 @@ struct CloudLayout {
   std::uint32_t point_step = 12, row_padding = 0;
   bool is_big = false;
   double scale = 1;  // m per number
+  Vec3d shift = {};  // m, added to each point
 
   /// Three layouts: packed floats; PCL's, with a color between and padding; doubles in another
   /// order, big-endian, with longer rows.
@@ -59,8 +60,9 @@ inline std::string cloud_data(const PointsView& cloud, const CloudLayout& layout
       const std::size_t axis = std::string("xyz").find(field.name);
       const std::size_t size = field.type == 8 ? 8 : field.type == 3 ? 2 : 4;
       if (field.name.size() != 1 || axis > 2 || field.offset + size > layout.point_step) continue;
-      const double value =
-          static_cast<double>(cloud.points[i][static_cast<int>(axis)]) / layout.scale;
+      const double value = (static_cast<double>(cloud.points[i][static_cast<int>(axis)]) +
+                            layout.shift[static_cast<int>(axis)]) /
+                           layout.scale;
       const std::size_t at = first + field.offset;
       switch (field.type) {
         case 3: put_number<std::int16_t>(data, at, value, layout.is_big); break;

@@ -39,7 +39,8 @@ TEST(RosCloud, PointsAreReadWhereverTheyLie) {
   const CloudPoints expected = cloud();
   CloudPoints read;
   for (const CloudLayout& layout : CloudLayout::three()) {
-    const Status status = read_point_cloud(test::cloud_message(expected.view(), layout), 1, read);
+    const Status status =
+        read_point_cloud(test::cloud_message(expected.view(), layout), 1, {}, read);
     ASSERT_TRUE(status) << status.error().message;
     expect_same(read, expected);
     EXPECT_TRUE(read.normals.empty());
@@ -52,21 +53,41 @@ TEST(RosCloud, WholeNumbersAreCountsOfAScale) {
   CloudPoints read;
   for (const std::uint8_t type : {3, 5}) {  // INT16, INT32
     const CloudLayout layout{{{"y", 4, type}, {"x", 0, type}, {"z", 8, type}}, 12, 0, true, 0.001};
-    ASSERT_TRUE(read_point_cloud(test::cloud_message(expected.view(), layout), 0.001, read));
+    ASSERT_TRUE(read_point_cloud(test::cloud_message(expected.view(), layout), 0.001, {}, read));
     expect_same(read, expected);
   }
+}
+
+// In single precision they would be on a grid of 0.5 m.
+TEST(RosCloud, FarFromTheOriginPointsKeepTheirDigits) {
+  CloudPoints expected = cloud();
+  for (Vec3f& p : expected.points) p = 0.001f * p;
+  CloudLayout layout = CloudLayout::three()[2];
+  layout.shift = {400'000, 5'000'000, 100};
+  CloudPoints read;
+  ASSERT_TRUE(
+      read_point_cloud(test::cloud_message(expected.view(), layout), 1, layout.shift, read));
+  for (std::size_t i = 0; i < read.points.size(); ++i) {
+    if (i == 7) continue;
+    EXPECT_LT(norm(to_double(read.points[i]) - to_double(expected.points[i])), 1e-8) << i;
+  }
+  // Zeros, which sensors send for no measurement, are none seen from anywhere.
+  expected.points[3] = {};
+  ASSERT_TRUE(read_point_cloud(test::cloud_message(expected.view()), 1, {1, 2, 3}, read));
+  EXPECT_FALSE(is_measured(read.points[3]));
+  EXPECT_TRUE(is_measured(read.points[4]));
 }
 
 TEST(RosCloud, NormalsAreReadIfThereAreThree) {
   CloudLayout layout{
       {{"x", 0}, {"y", 4}, {"z", 8}, {"normal_x", 0}, {"normal_y", 4}, {"normal_z", 8}}, 12};
   CloudPoints read;
-  ASSERT_TRUE(read_point_cloud(test::cloud_message(cloud().view(), layout), 2, read));
+  ASSERT_TRUE(read_point_cloud(test::cloud_message(cloud().view(), layout), 2, {}, read));
   ASSERT_EQ(read.normals.size(), 15u);
   EXPECT_EQ(read.normals[3], cloud().points[3]);
   EXPECT_EQ(read.points[3], 2.0f * cloud().points[3]);
   layout.fields.pop_back();
-  ASSERT_TRUE(read_point_cloud(test::cloud_message(cloud().view(), layout), 1, read));
+  ASSERT_TRUE(read_point_cloud(test::cloud_message(cloud().view(), layout), 1, {}, read));
   EXPECT_TRUE(read.normals.empty());
 }
 
@@ -98,7 +119,7 @@ std::string with_size(std::uint32_t width, std::uint32_t height, std::uint32_t p
 TEST(RosCloud, MessagesThatLieAreRefusedInASentence) {
   const auto refused = [](const std::string& message) {
     CloudPoints points;
-    const Status status = read_point_cloud(message, 1, points);
+    const Status status = read_point_cloud(message, 1, {}, points);
     EXPECT_TRUE(status || points.points.empty()) << "something was allocated";
     return status ? std::string() : status.error().message;
   };
@@ -116,6 +137,7 @@ TEST(RosCloud, MessagesThatLieAreRefusedInASentence) {
   expect(with_size(100'000'000, 1, 12, 0, 96), "has more than 16777216");
   expect(with_size(0xffffffff, 0xffffffff, 0xffffffff, 0xffffffff, 96), "has more than 16777216");
   expect(with_size(16'777'216, 1, 12, 0, 96), "claims more bytes");
+  expect(with_size(10'000'000, 1, 12, 0, 96), "claims more bytes");
   const CloudPoints points = cloud();
   const auto with = [&](std::vector<test::CloudField> fields) {
     return test::cloud_message(points.view(), {std::move(fields), 12});

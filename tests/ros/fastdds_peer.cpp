@@ -1,13 +1,15 @@
 // A robot on another maker's DDS: eProsima Fast DDS, the default of ROS 2. Publishes depth images
 // with camera_info and the tool's pose, and reads the wrench. Prints what it saw as JSON.
 //
-// usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND [looks|arm|joints]], until the
-// standard input ends; the viewer also requests points and spheres. An arm tells where the tool is
-// by tf, whose fixed part it says once, before anybody hears it; it keeps contacts, transforms and
-// markers that come, to the last of which it subscribes late, and prints their bytes. An arm with
-// joints shows its hand in the middle of the images, tells its joint positions but for half a
-// second of every two, and keeps what comes from a guard. Standard error tells that it has begun,
-// and when it has seen enough for a test.
+// usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND [looks|arm|joints|still|cloud|loose]],
+// until the standard input ends; the viewer also requests points and spheres. A bent wall stands
+// still, and comes as images, as organized clouds, or as loose points in any order; its stamps are
+// exactly the period apart, and none is left out. An arm tells where the tool is by tf, whose fixed
+// part it says once, before anybody hears it; it keeps contacts, transforms and markers that come,
+// to the last of which it subscribes late, and prints their bytes. An arm with joints shows its
+// hand in the middle of the images, tells its joint positions but for half a second of every two,
+// and keeps what comes from a guard. Standard error tells that it has begun, and when it has seen
+// enough for a test.
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
@@ -29,6 +31,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <random>
 #include <string>
 #include <thread>
 #include <vector>
@@ -37,6 +40,7 @@
 #include "src/io/internal/ros_image.h"
 #include "src/io/internal/ros_messages.h"
 #include "src/io/internal/ros_types.h"
+#include "tests/io/made_cloud.h"
 
 namespace fast = eprosima::fastdds::dds;
 namespace rtps = eprosima::fastrtps::rtps;
@@ -89,8 +93,10 @@ class WrenchListener final : public fast::DataReaderListener {
       const auto number = static_cast<long long>(info.sample_identity.sequence_number().to64long());
       palpate::CdrReader from(message);
       const double stamp = palpate::read_ros_header(from).time;
-      double force = 0;
-      for (int axis = 0; axis < 3; ++axis) force += std::pow(from.number<double>(), 2);
+      palpate::Vec3d said, torque;
+      for (int axis = 0; axis < 3; ++axis) said[axis] = from.number<double>();
+      for (int axis = 0; axis < 3; ++axis) torque[axis] = from.number<double>();
+      const double force = dot(said, said);
       const double sent = 1e-9 * static_cast<double>(info.source_timestamp.to_ns());
       const std::lock_guard lock(mutex_);
       if (num_ == 0) first_ = number;
@@ -104,6 +110,8 @@ class WrenchListener final : public fast::DataReaderListener {
       last_time_ = time;
       ++num_;
       num_touching_ += force > 0 ? 1 : 0;
+      if (force > 0) force_ = said;
+      if (force > 0) torque_ = torque;
       if (force > 0 && shown_ > 0) {
         latencies_.push_back(time - shown_);
         sent_latencies_.push_back(sent - shown_);
@@ -132,13 +140,15 @@ class WrenchListener final : public fast::DataReaderListener {
         "\"seconds\": %.3f, \"gap_ms\": [%.3f, %.3f, %.3f], \"sent_gap_ms\": [%.3f, %.3f, %.3f], "
         "\"delay_ms\": [%.3f, %.3f, %.3f], "
         "\"image_to_wrench_ms\": [%.3f, %.3f, %.3f], \"image_to_sent_ms\": [%.3f, %.3f, %.3f], "
-        "\"measured\": %zu, \"looked_at\": %d, \"messages\": {%s}}\n",
+        "\"measured\": %zu, \"looked_at\": %d, \"force\": [%.9g, %.9g, %.9g], "
+        "\"torque\": [%.9g, %.9g, %.9g], \"messages\": {%s}}\n",
         num_images, num_, num_ > 0 ? last_ - first_ + 1 - num_ : 0, num_touching_, sum(gaps_),
         part(gaps_, 0.5), part(gaps_, 0.99), part(gaps_, 1), part(sent_gaps_, 0.5),
         part(sent_gaps_, 0.99), part(sent_gaps_, 1), part(delays_, 0.5), part(delays_, 0.99),
         part(delays_, 1), part(latencies_, 0.5), part(latencies_, 0.99), part(latencies_, 1),
         part(sent_latencies_, 0.5), part(sent_latencies_, 0.99), part(sent_latencies_, 1),
-        latencies_.size(), num_looked_at, messages.c_str());
+        latencies_.size(), num_looked_at, force_.x, force_.y, force_.z, torque_.x, torque_.y,
+        torque_.z, messages.c_str());
   }
 
  private:
@@ -160,6 +170,7 @@ class WrenchListener final : public fast::DataReaderListener {
   long long num_ = 0, first_ = 0, last_ = 0, num_touching_ = 0;
   double last_time_ = 0, last_sent_ = 0, shown_ = 0;
   bool is_touching_ = false;
+  palpate::Vec3d force_, torque_;  // the last ones in contact, N, N m
   std::vector<double> gaps_, sent_gaps_, delays_, latencies_, sent_latencies_;
 };
 
@@ -216,6 +227,46 @@ class Dropper final : public fast::DataReaderListener {
   std::atomic<int> num_ = 0;
 };
 
+/// A bent wall, in counts of a millimeter, deepest in the middle of the tool.
+palpate::DepthFrame bent_wall(int width, int height) {
+  palpate::DepthFrame frame{width, height, 0.001, {}};
+  for (int v = 0; v < height; ++v) {
+    for (int u = 0; u < width; ++u) {
+      const double x = 2.0 * u / width - 1, y = 2.0 * v / height - 1;
+      frame.pixels.push_back(static_cast<std::uint16_t>(std::lround(485 + 60 * (x * x + y * y))));
+    }
+  }
+  return frame;
+}
+
+/// The points of an image as a message: organized, or in any order without those of no measurement.
+std::string cloud_of(const palpate::DepthFrame& frame, const palpate::Intrinsics& k,
+                     bool is_organized) {
+  palpate::CloudPoints cloud{frame.width, frame.height, {}, {}};
+  for (std::size_t i = 0; i < frame.pixels.size(); ++i) {
+    const auto width = static_cast<std::size_t>(frame.width);
+    const double z = frame.unit * frame.pixels[i];
+    cloud.points.push_back(
+        palpate::to_float({(static_cast<double>(i % width) - k.cx) / k.fx * z,
+                           (static_cast<double>(i / width) - k.cy) / k.fy * z, z}));
+  }
+  if (!is_organized) {
+    std::shuffle(cloud.points.begin(), cloud.points.end(), std::mt19937(1));
+    cloud.width = static_cast<int>(cloud.points.size());
+    cloud.height = 1;
+  }
+  palpate::test::CloudLayout layout;
+  layout.point_step = 16;
+  return palpate::test::cloud_message(cloud.view(), layout, 1, "camera");
+}
+
+/// Sets the stamp of a message that begins with a header.
+void set_stamp(std::string& message, std::uint64_t time) {
+  const std::uint32_t stamp[] = {static_cast<std::uint32_t>(time / 1'000'000'000),
+                                 static_cast<std::uint32_t>(time % 1'000'000'000)};
+  std::memcpy(message.data() + 4, stamp, sizeof stamp);
+}
+
 struct Robot {
   fast::DomainParticipant* participant = nullptr;
   fast::Publisher* publisher = nullptr;
@@ -265,8 +316,9 @@ struct Robot {
 
 int main(int argc, char** argv) {
   if (argc < 4) {
-    std::fprintf(
-        stderr, "usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND [looks|arm|joints]]\n");
+    std::fprintf(stderr,
+                 "usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND "
+                 "[looks|arm|joints|still|cloud|loose]]\n");
     return 2;
   }
   const double rate = argc > 4 ? std::atof(argv[4]) : 30;
@@ -286,6 +338,8 @@ int main(int argc, char** argv) {
   Dropper dropper;
   const std::string part = argc > 5 ? argv[5] : "";
   const bool is_arm = part == "arm", has_joints = part == "joints";
+  const bool is_cloud = part == "cloud" || part == "loose";
+  const bool is_still = is_cloud || part == "still";
   if (part == "looks") {
     robot.reader("/palpate/points", "sensor_msgs/PointCloud2", 1 << 20, &dropper);
     robot.reader("/palpate/spheres", "visualization_msgs/MarkerArray", 1 << 20, &dropper);
@@ -293,6 +347,14 @@ int main(int argc, char** argv) {
   auto* const images = robot.writer("/camera/depth/image_raw", "sensor_msgs/Image",
                                     static_cast<std::uint32_t>(2 * num_pixels + 1024));
   auto* const infos = robot.writer("/camera/depth/camera_info", "sensor_msgs/CameraInfo", 4096);
+  fast::DataWriter* clouds = nullptr;
+  std::string cloud;
+  if (is_still) frame = bent_wall(frame.width, frame.height);
+  if (is_cloud) {
+    cloud = cloud_of(frame, stream.intrinsics, part == "cloud");
+    clouds = robot.writer("/camera/depth/points", "sensor_msgs/PointCloud2",
+                          static_cast<std::uint32_t>(cloud.size()));
+  }
   auto* const poses = robot.writer("/tool_pose", "geometry_msgs/PoseStamped", 1024);
   RecordingObserver contacts, transforms, markers, guards, clearances, scales;
   fast::DataWriter *moving = nullptr, *joints = nullptr;
@@ -349,7 +411,20 @@ int main(int argc, char** argv) {
         robot.reader("/palpate/markers", "visualization_msgs/MarkerArray", 1 << 20, &markers, true);
       }
     }
-    if (time >= next_image) {
+    if (is_still && time >= next_image) {
+      const std::uint64_t stamp = nanoseconds(next_image);
+      next_image += 1 / rate;
+      ++num_images;
+      if (is_cloud) {
+        set_stamp(cloud, stamp);
+        clouds->write(&cloud);
+        continue;
+      }
+      std::string info = palpate::camera_info_message({stamp, "camera"}, stream);
+      std::string image = palpate::image_message({stamp, "camera"}, frame);
+      infos->write(&info);
+      images->write(&image);
+    } else if (time >= next_image) {
       next_image = std::max(next_image + 1 / rate, time - std::max(1 / rate, 0.05));
       const bool is_contact = num_images / std::max(1, static_cast<int>(rate / 4)) % 2 == 1;
       frame.pixels.assign(num_pixels, is_contact ? 490 : 700);

@@ -4,6 +4,7 @@ usage: interop_test.py PALPATE [FASTDDS_PEER]
 """
 
 import json
+import math
 import os
 import shutil
 import socket
@@ -91,6 +92,21 @@ class InteropTest(PeerCase):
             seen = self.lose_nothing([FASTDDS_PEER, self.domain, 640, 480], *options)
             self.assertGreater(seen["wrenches"], 1000)
             self.assertGreater(seen["touching"], 100)
+
+    def test_clouds_of_fast_dds_are_felt_as_their_images(self):
+        if FASTDDS_PEER is None:
+            self.skipTest("SKIPPED: scripts/setup.sh --test installs libfastrtps-dev")
+        wrenches = {}
+        for case in ("still", "cloud", "loose"):
+            depth = "/camera/depth/" + ("image_raw" if case == "still" else "points")
+            wrenches[case], said = self.converse([FASTDDS_PEER, self.domain, 160, 120, 30, case], depth=depth,
+                                                 until=has_enough)
+            self.assertEqual("clouds are projected" in said, case == "loose", said)
+        image = wrenches["still"]["force"]
+        self.assertLess(image[2], 0)
+        for case, limit in (("cloud", 1e-3), ("loose", 1e-2)):
+            force = wrenches[case]["force"]
+            self.assertLess(math.dist(force, image), limit * math.hypot(*image), (case, force, image))
 
     def test_an_arm_on_fast_dds_reads_contacts_and_bodies(self):
         """Its tf_static and our markers are there for who comes late; rosbags reads what it got."""

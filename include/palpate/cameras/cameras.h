@@ -61,6 +61,10 @@ struct CameraUri {
 
 /// Parses a URI, except its kind. Errors: an invalid parameter, with its name.
 Result<CameraUri> parse_camera_uri(std::string_view text);
+/// Parses a list. `look=round`, of clouds of scanners that see all round, stands for four cameras
+/// of 90 degrees: they look along x, y, -x and -y of the cloud's frame. Errors: of the first bad
+/// one.
+Result<std::vector<CameraUri>> parse_camera_uris(std::span<const std::string> texts);
 /// Checks that all cameras have the same world. Error: different worlds (`world=`).
 Status check_one_world(std::span<const CameraUri> cameras);
 
@@ -99,6 +103,9 @@ Result<std::unique_ptr<DepthSource>> open_camera(std::string_view uri,
                                                  const CameraOpening& opening = {});
 Result<std::unique_ptr<DepthSource>> open_camera(const CameraUri& uri,
                                                  const CameraOpening& opening = {});
+/// Pose of the images' camera C in the frame F of clouds that are projected, whose pose the URI
+/// says, of a stream of open_camera: C has no lens and no sensor. None: C is that of a camera.
+std::optional<Pose> projection_of(const DepthSource& camera);
 /// X_WC of a static camera, from its pose or URDF. None: it moves, or tf defines it; does not read
 /// joint states. Errors: of its files.
 Result<std::optional<Pose>> standing_pose(const CameraUri& uri);

@@ -4,6 +4,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <mutex>
@@ -25,14 +26,13 @@ class Columns {
     next_ = 0;
     visit("", record);
     ++num_rows_;
-    for (auto& column : columns_) column.second.resize(num_rows_, NAN);
   }
 
   nb::dict arrays() && {
     nb::dict all;
     for (auto& [name, values] : columns_) {
-      const std::size_t num = values.size();
-      all[nb::str(name.c_str())] = array_of(std::move(values), {num});
+      values.resize(num_rows_, NAN);
+      all[nb::str(name.c_str())] = array_of(std::move(values), {num_rows_});
     }
     return all;
   }
@@ -64,12 +64,21 @@ class Columns {
     }
   }
 
+  /// Adds a number to its column, which is the next one unless records differ in what they have.
+  /// Rows before it that lack the number have NaN.
   void append(const std::string& name, double value) {
-    if (next_ == columns_.size()) columns_.emplace_back(name, std::vector<double>(num_rows_, NAN));
-    columns_[next_++].second.push_back(value);
+    if (next_ == columns_.size() || columns_[next_].first != name) {
+      const auto known = std::ranges::find(columns_, name, &Column::first);
+      next_ = static_cast<std::size_t>(known - columns_.begin());
+      if (known == columns_.end()) columns_.emplace_back(name, std::vector<double>());
+    }
+    std::vector<double>& values = columns_[next_++].second;
+    values.resize(num_rows_, NAN);
+    values.push_back(value);
   }
 
-  std::vector<std::pair<std::string, std::vector<double>>> columns_;
+  using Column = std::pair<std::string, std::vector<double>>;
+  std::vector<Column> columns_;
   std::size_t next_ = 0, num_rows_ = 0;
 };
 

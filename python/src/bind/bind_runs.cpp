@@ -143,14 +143,14 @@ struct Touch {
   }
 };
 
-/// Opens a camera; with a live device, sources that are not live are read ahead.
+/// Opens a camera; with a live device, sources that are not live are read ahead. `X_FC`: that of
+/// clouds that are projected.
 std::shared_ptr<DepthSource> opened_camera(const CameraUri& uri, const CameraOpening& opening,
-                                           bool is_live) {
-  return taken(interruptible([=]() -> Result<std::unique_ptr<DepthSource>> {
-    auto source = open_camera(uri, opening);
-    if (!source || !is_live || (*source)->info().is_live) return source;
-    return read_ahead(*std::move(source));
-  }));
+                                           bool is_live, Pose& X_FC) {
+  auto source = taken(interruptible([=] { return open_camera(uri, opening); }));
+  X_FC = projection_of(*source).value_or(Pose{});
+  if (!is_live || source->info().is_live) return source;
+  return taken(read_ahead(std::move(source)));
 }
 
 /// Starts a run. `cameras`: a list of URIs for open_camera and of PyPushedCameras.
@@ -183,13 +183,16 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, const nb::list& camer
     }
     const auto uri = nb::cast<std::string>(camera);
     constexpr double kLongest = 86400;  // a hand takes its time
-    uris.push_back(taken(parse_camera_uri(uri)));
-    taken(check_one_world(uris));
-    if (const auto stands = standing_pose(uris.back()); stands && request.sources.empty()) {
-      touch.X_WC = stands->value_or(Pose{});
+    for (CameraUri& each : taken(parse_camera_uris({&uri, 1}))) {
+      uris.push_back(std::move(each));
+      taken(check_one_world(uris));
+      Pose X_FC;
+      request.sources.push_back(opened_camera(
+          uris.back(), {is_live, is_live ? std::optional(kLongest) : duration}, is_live, X_FC));
+      if (const auto stands = standing_pose(uris.back()); stands && request.sources.size() == 1) {
+        touch.X_WC = *stands ? **stands * X_FC : Pose{};
+      }
     }
-    request.sources.push_back(opened_camera(
-        uris.back(), {is_live, is_live ? std::optional(kLongest) : duration}, is_live));
     if (touch.path.empty()) touch.path = path_of_scene(uri);
   }
   if (request.sources.empty()) throw nb::value_error("cameras: give one, or several");

@@ -267,6 +267,10 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
     if (!first) return first.error();
     clouds = *std::move(first);
     clouds->camera()->describe(info);
+    if (const std::string unread = contents.unread_depth(); !unread.empty()) {
+      notes.push_back("bag:" + uri.target + ": the clouds on " + *topic +
+                      " are taken, as its depth images are not read" + unread);
+    }
   } else {
     if (const Status status = check_for_images(uri); !status) return status.error();
     info.width = images.width;
@@ -323,7 +327,7 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
     notes.push_back(info.name + ": a message of transforms is left out: " + contents.tf_trouble);
   }
   if (const Status again = (*reader)->rewind(); !again) return again.error();
-  const Pose X_FC = clouds ? clouds->camera()->X_FC() : Pose{};
+  const std::optional<Pose> X_FC = clouds ? clouds->camera()->projection() : std::nullopt;
   return RawStream{
       std::make_unique<BagSource>(*std::move(reader), *topic, unit, *scale, said, std::move(info),
                                   *std::move(models), *std::move(place), std::move(clouds),

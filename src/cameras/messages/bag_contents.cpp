@@ -84,7 +84,7 @@ void add_cloud(const McapMessage& message, BagContents::Images& topic) {
   const RosStamp stamp = stamp_of(message);
   CloudPoints points;
   if (topic.num_frames == 0) {
-    if (const Status status = read_point_cloud(message.data, 1, points); !status) {
+    if (const Status status = read_point_cloud(message.data, 1, {}, points); !status) {
       ++topic.num_bad;
       return keep_first(topic.trouble, status.error());
     }
@@ -235,6 +235,13 @@ Result<std::string> BagContents::choose_images(const CameraUri& uri) const {
 bool BagContents::has_clouds(const std::string& topic) const {
   const auto found = images.find(topic);
   return found == images.end() || found->second.num_frames == 0;
+}
+
+std::string BagContents::unread_depth() const {
+  std::map<std::string, Images> depth = images;
+  std::erase_if(depth,
+                [](const auto& each) { return each.first.find("depth") == std::string::npos; });
+  return troubles_of(depth);
 }
 
 Result<LensHistory> BagContents::choose_lens(const CameraUri& uri, const std::string& topic,

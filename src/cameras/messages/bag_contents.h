@@ -53,6 +53,8 @@ struct BagContents {
   Result<std::string> choose_images(const CameraUri& uri) const;
   /// True if what is to be read of a topic are clouds.
   bool has_clouds(const std::string& topic) const;
+  /// Returns why topics of depth images are not read; empty: there are none such.
+  std::string unread_depth() const;
   /// The lens of images: that of `info=`, beside them, of their frame, or the only one. None: it is
   /// not known. `notes` get what is to be said of it. Error: it cannot be read, or is that of
   /// another camera, and none is given.

@@ -33,7 +33,7 @@ Status set_vector(const CameraUri& uri, const char* name, const char* what,
     rest.remove_prefix(std::min(end + 1, rest.size()));
   }
   to = vector;
-  if (is_good && std::abs(norm(vector)) < 1e6) return Done{};
+  if (is_good && norm(vector) < 1e8) return Done{};
   return Error{Errc::invalid_argument, "camera " + uri.text.substr(0, 60) + ": '" + name +
                                            "' must be " + what + ", not '" +
                                            given->second.substr(0, 60) + "'"};
@@ -54,7 +54,10 @@ Result<CloudCameraOptions> cloud_options(const CameraUri& uri) {
     return status.error();
   }
   if (const Status status =
-          set_vector(uri, "look", "x,y,z, a direction in the frame of the cloud", options.look);
+          set_vector(uri, "look",
+                     "x,y,z, a direction in the frame of the cloud, or round where a program takes "
+                     "several --camera",
+                     options.look);
       !status) {
     return status.error();
   }
@@ -83,7 +86,9 @@ Status check_for_images(const CameraUri& uri) {
 }
 
 Result<DepthFrame> CloudMessages::read(std::string_view message) {
-  if (const Status status = read_point_cloud(message, scale_, points_); !status) {
+  if (const Status status =
+          read_point_cloud(message, scale_, options_.viewpoint.value_or(Vec3d{}), points_);
+      !status) {
     return status.error();
   }
   if (!camera_) {

@@ -48,7 +48,9 @@ class Ros2Source final : public DepthSource {
   void cancel() noexcept override { received_.cancel(); }
   std::vector<std::string> take_notes() override { return received_.take_notes(); }
   StampClock stamps() const { return clock_; }
-  Pose X_FC() const { return clouds_ ? clouds_->camera()->X_FC() : Pose{}; }
+  std::optional<Pose> projection() const {
+    return clouds_ ? clouds_->camera()->projection() : std::nullopt;
+  }
 
   Result<bool> next(DepthFrame& frame) override {
     if (has_first_) {
@@ -297,7 +299,7 @@ Result<RawStream> open_ros2_camera(const CameraUri& uri, const CameraOpening& op
   auto source = Ros2Source::open(uri, opening);
   if (!source) return source.error();
   const StampClock clock = (*source)->stamps();
-  const Pose X_FC = (*source)->X_FC();
+  const std::optional<Pose> X_FC = (*source)->projection();
   return RawStream{*std::move(source), clock, false, X_FC};
 }
 

@@ -50,8 +50,9 @@ CameraModel pinhole_of(const DepthStreamInfo& info) {
 
 class RectifiedSource final : public DepthSource {
  public:
-  RectifiedSource(std::unique_ptr<DepthSource> raw, const CameraTruth& truth, DepthStreamInfo info)
-      : raw_(std::move(raw)),
+  RectifiedSource(RawStream raw, const CameraTruth& truth, DepthStreamInfo info)
+      : raw_(std::move(raw.source)),
+        is_projected_(raw.X_FC.has_value()),
         truth_(truth),
         info_(std::move(info)),
         rectifier_(pinhole_of(info_)) {}
@@ -66,7 +67,7 @@ class RectifiedSource final : public DepthSource {
     drop_far_codes(frame, info_.sensor);
     const CameraModel model = truth_.model_of(raw_->info(), frame.width, frame.height);
     if (!has_rays(model)) return Error{Errc::bad_input, info_.name + " " + kNoRays};
-    if (const std::string doubt = doubts_.look(frame, model); !doubt.empty()) {
+    if (const std::string doubt = doubts_.look(frame, model, is_projected_); !doubt.empty()) {
       const std::lock_guard lock(mutex_);
       notes_.push_back(info_.name + ": " + doubt);
     }
@@ -83,6 +84,7 @@ class RectifiedSource final : public DepthSource {
 
  private:
   const std::unique_ptr<DepthSource> raw_;
+  const bool is_projected_;
   const CameraTruth truth_;
   const DepthStreamInfo info_;
   Rectifier rectifier_;
@@ -99,6 +101,7 @@ struct LiveCamera {
         again(std::move(open)),
         truth(said),
         sensor(kind),
+        is_projected(first.X_FC.has_value()),
         raw(std::move(first.source)) {}
 
   void run();
@@ -118,6 +121,7 @@ struct LiveCamera {
   const OpenRaw again;
   const CameraTruth truth;
   const SensorKind sensor;
+  const bool is_projected;
   // Members that only the thread uses.
   Plausibility doubts;
   bool has_no_rays = false;       // of some frames
@@ -177,7 +181,7 @@ void LiveCamera::read_all() {
       if (!std::exchange(has_no_rays, true)) intake.add_note(kNoRays + "; they are dropped"s);
       continue;
     }
-    if (std::string doubt = doubts.look(frame, model); !doubt.empty()) {
+    if (std::string doubt = doubts.look(frame, model, is_projected); !doubt.empty()) {
       intake.add_note(std::move(doubt));
     }
     intake.give(frame, model, arrival);
@@ -279,12 +283,12 @@ Result<CameraTruth> truth_of(const CameraUri& uri, const DepthStreamInfo& stream
   return CameraTruth{uri.intrinsics, uri.distortion, uri.unit, {stream.width, stream.height}};
 }
 
-Result<std::unique_ptr<DepthSource>> make_rectified(std::unique_ptr<DepthSource> raw,
-                                                    const CameraUri& uri) {
-  const auto truth = truth_of(uri, raw->info());
+Result<std::unique_ptr<DepthSource>> make_rectified(RawStream raw, const CameraUri& uri) {
+  const DepthStreamInfo& stream = raw.source->info();
+  const auto truth = truth_of(uri, stream);
   if (!truth) return truth.error();
-  DepthStreamInfo info = pinhole_info(raw->info(), *truth, uri);
-  const CameraModel seen = truth->model_of(raw->info(), raw->info().width, raw->info().height);
+  DepthStreamInfo info = pinhole_info(stream, *truth, uri);
+  const CameraModel seen = truth->model_of(stream, stream.width, stream.height);
   if (info.has_flow && !(seen == pinhole_of(info))) return flow_of_lens(info.name);
   return std::unique_ptr<DepthSource>(
       std::make_unique<RectifiedSource>(std::move(raw), *truth, std::move(info)));

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 
 #include "palpate/cameras/cameras.h"
 #include "src/cameras/stream/capture_clock.h"
@@ -16,13 +17,13 @@ struct RawStream {
   std::unique_ptr<DepthSource> source;
   StampClock stamps = StampClock::cameras;
   bool can_come_back = true;  ///< once it is lost; live ones only
-  Pose X_FC = {};  ///< pose of the images' camera in the frame that has the stream's pose
+  /// Pose of the images' camera in the frame that has the stream's pose. None: it is a camera's.
+  std::optional<Pose> X_FC = {};
 };
 using OpenRaw = std::function<Result<RawStream>()>;
 
 /// Frames on request, one by one, undistorted. Errors: no intrinsics.
-Result<std::unique_ptr<DepthSource>> make_rectified(std::unique_ptr<DepthSource> raw,
-                                                    const CameraUri& uri);
+Result<std::unique_ptr<DepthSource>> make_rectified(RawStream raw, const CameraUri& uri);
 
 /// Frames that come by themselves, read by a thread of its own. When `raw` fails, it is destroyed
 /// and opened again until that works; `again` may be empty, then the error ends the stream. A call

@@ -88,6 +88,18 @@ std::string doubt_unit(const DepthFrame& frame) {
   return text;
 }
 
+std::string doubt_scale(const DepthFrame& frame) {
+  constexpr double kFarthest = 200, kNearest = 0.1;  // m, of the middle of what scanners see
+  const double depth = median_depth(frame);
+  if (depth == 0 || (depth >= kNearest && depth <= kFarthest)) return {};
+  char text[160];
+  std::snprintf(text, sizeof text,
+                "its points are %.3g m away in the middle: are they in meters? Else give "
+                "scale=METERS, e.g. scale=0.001",
+                depth);
+  return text;
+}
+
 }  // namespace
 
 int common_divisor(const DepthFrame& frame) {
@@ -109,10 +121,11 @@ int common_divisor(const DepthFrame& frame) {
   return 1;
 }
 
-std::string Plausibility::look(const DepthFrame& frame, const CameraModel& model) {
+std::string Plausibility::look(const DepthFrame& frame, const CameraModel& model,
+                               bool is_projected) {
   if (num_looks_ >= kNumLooks) return {};
-  std::string doubt = num_looks_ == 0 ? doubt_intrinsics(model) : "";
-  const std::string unit = doubt_unit(frame);
+  std::string doubt = num_looks_ == 0 && !is_projected ? doubt_intrinsics(model) : "";
+  const std::string unit = is_projected ? doubt_scale(frame) : doubt_unit(frame);
   if (!unit.empty()) doubt += (doubt.empty() ? "" : "; ") + unit;
   num_looks_ = doubt.empty() ? num_looks_ + 1 : kNumLooks;
   return doubt;

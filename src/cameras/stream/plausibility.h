@@ -12,7 +12,8 @@ namespace palpate { inline namespace v0 {
 class Plausibility {
  public:
   /// One sentence, once; empty if there is nothing to doubt. Cost: nothing after a few frames.
-  std::string look(const DepthFrame& frame, const CameraModel& model);
+  /// `is_projected`: an image of points, whose camera and unit were chosen here.
+  std::string look(const DepthFrame& frame, const CameraModel& model, bool is_projected = false);
 
  private:
   static constexpr int kNumLooks = 3;

@@ -12,11 +12,13 @@ namespace {
 
 class PosedSource final : public DepthSource {
  public:
-  PosedSource(std::unique_ptr<DepthSource> source, CameraPoses poses)
-      : source_(std::move(source)), poses_(std::move(poses)), info_(source_->info()) {
+  PosedSource(std::unique_ptr<DepthSource> source, CameraPoses poses,
+              const std::optional<Pose>& X_FC)
+      : source_(std::move(source)), poses_(std::move(poses)), X_FC_(X_FC), info_(source_->info()) {
     info_.is_moving = info_.is_moving || poses_.is_moving();
   }
 
+  const std::optional<Pose>& projection() const { return X_FC_; }
   const DepthStreamInfo& info() const override { return info_; }
   void cancel() noexcept override {
     source_->cancel();
@@ -58,6 +60,7 @@ class PosedSource final : public DepthSource {
  private:
   std::unique_ptr<DepthSource> source_;
   CameraPoses poses_;
+  const std::optional<Pose> X_FC_;
   DepthStreamInfo info_;
   std::mutex mutex_;
   std::uint64_t num_unposed_ = 0;
@@ -134,8 +137,10 @@ Result<std::optional<Pose>> standing_pose(const CameraUri& uri, RobotTrees& tree
 }
 
 Result<std::unique_ptr<DepthSource>> make_posed(std::unique_ptr<DepthSource> source,
-                                                CameraPoses poses) {
-  if (poses.is_left_alone()) return source;
+                                                CameraPoses poses,
+                                                const std::optional<Pose>& X_FC) {
+  if (!X_FC && poses.is_left_alone()) return source;
+  if (X_FC) poses.see_from(*X_FC);
   const auto is_live = poses.is_live();
   if (is_live && *is_live != source->info().is_live) {
     return Error{Errc::invalid_argument,
@@ -145,7 +150,12 @@ Result<std::unique_ptr<DepthSource>> make_posed(std::unique_ptr<DepthSource> sou
                                  "from a file, or pass 'pose' if it is static")};
   }
   return std::unique_ptr<DepthSource>(
-      std::make_unique<PosedSource>(std::move(source), std::move(poses)));
+      std::make_unique<PosedSource>(std::move(source), std::move(poses), X_FC));
+}
+
+std::optional<Pose> projection_of(const DepthSource& camera) {
+  const auto* const posed = dynamic_cast<const PosedSource*>(&camera);
+  return posed != nullptr ? posed->projection() : std::nullopt;
 }
 
 }}  // namespace palpate::v0

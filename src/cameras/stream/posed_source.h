@@ -45,10 +45,11 @@ class CameraPoses {
 /// Returns what standing_pose(uri) returns; `trees` keeps URDFs for the next camera.
 Result<std::optional<Pose>> standing_pose(const CameraUri& uri, RobotTrees& trees);
 
-/// The same frames with their poses. Of a camera that moves, frames for whose time there is no pose
-/// are left out, and a note says so. Error: a moving camera is live and the source of its poses is
-/// not, or the reverse.
+/// The same frames with their poses; those of projected clouds are seen from X_FC. Of a camera that
+/// moves, frames for whose time there is no pose are left out, and a note says so. Error: a moving
+/// camera is live and the source of its poses is not, or the reverse.
 Result<std::unique_ptr<DepthSource>> make_posed(std::unique_ptr<DepthSource> source,
-                                                CameraPoses poses);
+                                                CameraPoses poses,
+                                                const std::optional<Pose>& X_FC = {});
 
 }}  // namespace palpate::v0

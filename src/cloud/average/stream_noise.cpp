@@ -16,12 +16,8 @@ constexpr double kEnough = 100;                     // terms from which a scale 
 
 /// Depth of a pixel, m; 0: no measurement.
 float depth_at(const DepthImageView& frame, int pixel) {
-  if (frame.counts == nullptr) {
-    const float z = frame.meters[pixel];
-    return z > 0 && std::isfinite(z) ? z : 0;
-  }
-  const std::uint16_t count = frame.counts[pixel];
-  return is_measurement(count) ? static_cast<float>(frame.unit * count) : 0;
+  const float z = frame.counts ? depth_of(frame.counts[pixel], frame.unit) : frame.meters[pixel];
+  return z > 0 && std::isfinite(z) ? z : 0;
 }
 
 /// Sums how far pixels of nested squares about the middle of a block are from its depth.

@@ -93,7 +93,7 @@ CloudShares CloudCamera::project(const PointsView& cloud, DepthFrame& frame) {
   const auto for_each_seen = [&](const auto& use, const auto& on_rest) {
     for (std::size_t i = 0; i < cloud.points.size(); ++i) {
       if (!is_measured(cloud.points[i])) continue;
-      const Vec3d to = to_double(cloud.points[i]) - X_FC_.translation;
+      const Vec3d to = to_double(cloud.points[i]);
       const Vec3d p = R_CF * to;
       const double u = k.fx * p.x / p.z + k.cx, v = k.fy * p.y / p.z + k.cy;
       const bool is_inside =

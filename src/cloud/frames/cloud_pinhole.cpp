@@ -1,5 +1,6 @@
 // The camera of a cloud: recovered where the cloud is an image, else chosen by its density.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <string>
@@ -31,14 +32,29 @@ struct LineFit {
 };
 
 struct PinholeAxis {
-  double focal = 0, center = 0, rms = 0;  // pixels
+  double focal = 0, center = 0, rms = 0;          // pixels
+  double fitted = 0, mean_slope = 0, middle = 0;  // focal, and a point of the line: slope, pixel
 };
 
-/// The number with the fewest decimals within the tolerance.
+/// Numbers near one: with few decimals first, of single precision, as drivers have them, and with
+/// up to 6 decimals.
+std::array<double, 9> rounded(double value) {
+  const auto with = [&](double parts) { return std::round(value * parts) / parts; };
+  return {with(1),
+          with(2),
+          with(10),
+          with(100),
+          with(1e3),
+          with(1e4),
+          static_cast<double>(static_cast<float>(value)),
+          with(1e5),
+          with(1e6)};
+}
+
+/// The first of these within the tolerance; none: the value itself.
 double roundest(double value, double tolerance) {
-  for (const double parts : {1.0, 2.0, 10.0, 100.0, 1e3, 1e4, 1e5}) {
-    const double rounded = std::round(value * parts) / parts;
-    if (std::abs(rounded - value) <= tolerance) return rounded;
+  for (const double near : rounded(value)) {
+    if (std::abs(near - value) <= tolerance) return near;
   }
   return value;
 }
@@ -49,7 +65,9 @@ std::optional<PinholeAxis> solve(const LineFit& f) {
   const double spread = f.slope2 - f.n * mean * mean, mixed = f.both - f.n * mean * pixel;
   if (!(spread > 0) || !(mixed > 0)) return {};
   PinholeAxis axis;
-  axis.focal = mixed / spread;
+  axis.focal = axis.fitted = mixed / spread;
+  axis.mean_slope = mean;
+  axis.middle = pixel;
   const double left = std::max(0.0, f.pixel2 - f.n * pixel * pixel - axis.focal * mixed);
   axis.rms = std::sqrt(left / f.n);
   if (axis.focal * (f.highest - f.lowest) < kMinRange) return {};
@@ -62,6 +80,43 @@ std::optional<PinholeAxis> solve(const LineFit& f) {
   return axis;
 }
 
+/// The depth of a point: before it was narrowed to single precision, if its unit is known.
+double unrounded_depth(const Vec3f& p, const std::optional<double>& unit) {
+  return unit ? *unit * std::round(double(p.z) / *unit) : double(p.z);
+}
+
+/// Takes the roundest numbers near the fit that give 99 % of the points to the bit, if there are
+/// such: those that the points were made with.
+void make_exact(const PointsView& cloud, const std::optional<double>& unit, int axis_number,
+                PinholeAxis& axis) {
+  constexpr double kNear = 1e-5;  // pixels
+  constexpr std::size_t kNumSamples = 1000;
+  const std::size_t step = cloud.points.size() / kNumSamples + 1;
+  const auto width = static_cast<std::size_t>(cloud.width);
+  const auto gives_points = [&](double focal, double center) {
+    std::size_t num = 0, num_off = 0;
+    for (std::size_t i = 0; i < cloud.points.size(); i += step) {
+      const Vec3f& p = cloud.points[i];
+      if (!is_in_front(p)) continue;
+      const auto at = static_cast<double>(axis_number == 0 ? i % width : i / width);
+      ++num;
+      num_off +=
+          static_cast<float>((at - center) / focal * unrounded_depth(p, unit)) != p[axis_number];
+    }
+    return 100 * num_off <= num;
+  };
+  for (const double focal : rounded(axis.fitted)) {
+    if (std::abs(focal - axis.fitted) > kNear) continue;
+    const double fitted = axis.middle - focal * axis.mean_slope;
+    for (const double center : rounded(fitted)) {
+      if (std::abs(center - fitted) > kNear || !gives_points(focal, center)) continue;
+      axis.focal = focal;
+      axis.center = center;
+      return;
+    }
+  }
+}
+
 /// Directions into which an image may reach: tangents.
 constexpr double kWidest = 1.7320508075688772, kWidestLook = 1;
 
@@ -72,11 +127,12 @@ struct Extent {
 
 /// Calls `use(x/z, y/z)` for each point that an image of that width may show.
 template <class Use>
-void for_each_slope(const PointsView& cloud, const Pose& X_FC, double widest, const Use& use) {
-  const Mat3d R_CF = rotation_matrix(conjugate(X_FC.rotation));
+void for_each_slope(const PointsView& cloud, const Quaternion& R_FC, double widest,
+                    const Use& use) {
+  const Mat3d R_CF = rotation_matrix(conjugate(R_FC));
   for (const Vec3f& p : cloud.points) {
     if (!is_measured(p)) continue;
-    const Vec3d p_C = R_CF * (to_double(p) - X_FC.translation);
+    const Vec3d p_C = R_CF * to_double(p);
     const double x = p_C.x / p_C.z, y = p_C.y / p_C.z;
     if (p_C.z > 0 && std::abs(x) <= widest && std::abs(y) <= widest) use(x, y);
   }
@@ -84,7 +140,8 @@ void for_each_slope(const PointsView& cloud, const Pose& X_FC, double widest, co
 
 /// Returns the side of a pixel (tangent) with two points in it, where the cloud is thin: in three
 /// quarters of what is seen there are more. O(points), a few times.
-double pixel_side(const PointsView& cloud, const Pose& X_FC, double widest, const Extent& seen) {
+double pixel_side(const PointsView& cloud, const Quaternion& R_FC, double widest,
+                  const Extent& seen) {
   constexpr double kPerPixel = 2, kPerCell = 16;
   constexpr std::size_t kMaxCells = std::size_t{1} << 24;
   const double width = seen.right - seen.left, height = seen.bottom - seen.top;
@@ -97,7 +154,7 @@ double pixel_side(const PointsView& cloud, const Pose& X_FC, double widest, cons
     const auto high = static_cast<std::size_t>(height / side) + 1;
     if (wide * high <= kMaxCells) {
       cells.assign(wide * high, 0);
-      for_each_slope(cloud, X_FC, widest, [&](double x, double y) {
+      for_each_slope(cloud, R_FC, widest, [&](double x, double y) {
         ++cells[static_cast<std::size_t>((y - seen.top) / side) * wide +
                 static_cast<std::size_t>((x - seen.left) / side)];
       });
@@ -119,9 +176,9 @@ Quaternion looking(const Vec3d& axis) {
          axis_angle({0, 1, 0}, -std::asin(std::clamp(way.z, -1.0, 1.0))) * kAlongX;
 }
 
-Extent extent_of(const PointsView& cloud, const Pose& X_FC, double widest) {
+Extent extent_of(const PointsView& cloud, const Quaternion& R_FC, double widest) {
   Extent seen;
-  for_each_slope(cloud, X_FC, widest, [&](double x, double y) {
+  for_each_slope(cloud, R_FC, widest, [&](double x, double y) {
     seen.left = std::min(seen.left, x);
     seen.right = std::max(seen.right, x);
     seen.top = std::min(seen.top, y);
@@ -133,14 +190,12 @@ Extent extent_of(const PointsView& cloud, const Pose& X_FC, double widest) {
 
 /// Returns the finest unit (m), a multiple of that of 32FC1 images, in which the farthest point has
 /// a count.
-double unit_for(const PointsView& cloud, const Pose& X_FC) {
+double unit_for(const PointsView& cloud, const Quaternion& R_FC) {
   constexpr double kMaxCounts = 60000;
-  const Mat3d R_CF = rotation_matrix(conjugate(X_FC.rotation));
+  const Mat3d R_CF = rotation_matrix(conjugate(R_FC));
   double farthest = 0;
   for (const Vec3f& p : cloud.points) {
-    if (is_measured(p)) {
-      farthest = std::max(farthest, (R_CF * (to_double(p) - X_FC.translation)).z);
-    }
+    if (is_measured(p)) farthest = std::max(farthest, (R_CF * to_double(p)).z);
   }
   const double units = std::max(1.0, std::ceil(farthest / (kMaxCounts * kFloatUnit)));
   return std::min(units * kFloatUnit, kLargestUnit);
@@ -154,6 +209,7 @@ std::optional<Intrinsics> pinhole_of(const PointsView& cloud) {
       cloud.height > kMaxImageHeight) {
     return {};
   }
+  const auto unit = unit_of(cloud);
   LineFit across, down;
   for (int v = 0; v < cloud.height; ++v) {
     for (int u = 0; u < cloud.width; ++u) {
@@ -161,13 +217,16 @@ std::optional<Intrinsics> pinhole_of(const PointsView& cloud) {
           cloud.points[static_cast<std::size_t>(v) * static_cast<std::size_t>(cloud.width) +
                        static_cast<std::size_t>(u)];
       if (!is_in_front(p)) continue;
-      across.add(double(p.x) / double(p.z), u);
-      down.add(double(p.y) / double(p.z), v);
+      const double z = unrounded_depth(p, unit);
+      across.add(double(p.x) / z, u);
+      down.add(double(p.y) / z, v);
     }
   }
   if (across.n < kMinPoints) return {};
-  const auto x = solve(across), y = solve(down);
+  auto x = solve(across), y = solve(down);
   if (!x || !y || x->rms > kMaxRms || y->rms > kMaxRms) return {};
+  make_exact(cloud, unit, 0, *x);
+  make_exact(cloud, unit, 1, *y);
   return Intrinsics{x->focal, y->focal, x->center, y->center};
 }
 
@@ -203,16 +262,16 @@ Result<CloudCamera> CloudCamera::create(const PointsView& first,
     model.width = first.width;
     model.height = first.height;
     if (!options.intrinsics) model.intrinsics = *pinhole;
-    return CloudCamera(
-        model, options.unit ? *options.unit : unit_of(first).value_or(unit_for(first, Pose{})));
+    return CloudCamera(model, options.unit
+                                  ? *options.unit
+                                  : unit_of(first).value_or(unit_for(first, Quaternion{})));
   }
   Vec3d middle;
   std::size_t num_finite = 0;
-  const Vec3d eye = options.viewpoint.value_or(Vec3d{});
   for (const Vec3f& p : first.points) {
     if (!is_measured(p)) continue;
     ++num_finite;
-    middle += normalized(to_double(p) - eye);
+    middle += normalized(to_double(p));
   }
   if (num_finite == 0) return Error{Errc::bad_input, "a cloud has no points"};
   constexpr std::size_t kEnough = 64;
@@ -222,24 +281,25 @@ Result<CloudCamera> CloudCamera::create(const PointsView& first,
                                       "?size=WIDTHxHEIGHT or ?intrinsics=fx,fy,cx,cy"};
   }
   CloudCamera camera(model, 0);
-  camera.X_FC_.translation = eye;
+  camera.X_FC_.translation = options.viewpoint.value_or(Vec3d{});
+  camera.is_projected_ = true;
   const double all = static_cast<double>(num_finite);
   const double widest = options.look ? kWidestLook : kWidest;
   if (options.look) camera.X_FC_.rotation = looking(*options.look);
-  Extent seen = extent_of(first, camera.X_FC_, widest);
+  Extent seen = extent_of(first, camera.X_FC_.rotation, widest);
   const auto is_outside = [&](double share) { return static_cast<double>(seen.num) < share * all; };
   if (!options.look && is_outside(1 - kMaxOutside)) {
     camera.X_FC_.rotation = looking(middle);
-    seen = extent_of(first, camera.X_FC_, widest);
+    seen = extent_of(first, camera.X_FC_.rotation, widest);
     if (norm(middle) < kHalf * all || is_outside(kHalf)) {
       return Error{Errc::invalid_argument,
                    "a cloud surrounds its viewpoint, and one image shows 60 degrees to each side; "
-                   "give ?look=x,y,z, the direction of the image in the frame of the cloud, and a "
-                   "camera for each direction"};
+                   "give ?look=round for four images around z, or ?look=x,y,z, the direction of "
+                   "one, in the frame of the cloud"};
     }
   }
   if (seen.num == 0) return Error{Errc::bad_input, "a cloud has no points where its image looks"};
-  camera.unit_ = options.unit.value_or(unit_for(first, camera.X_FC_));
+  camera.unit_ = options.unit.value_or(unit_for(first, camera.X_FC_.rotation));
   const double width = seen.right - seen.left, height = seen.bottom - seen.top;
   CameraModel& made = camera.model_;
   Intrinsics& k = made.intrinsics;
@@ -260,8 +320,8 @@ Result<CloudCamera> CloudCamera::create(const PointsView& first,
     // Not more than four pixels for each point: the cloud may be dense in few places only.
     constexpr double kRoom = 4000, kMaxPixels = 4, kSmallest = 1e-5;
     const double num = static_cast<double>(seen.num);
-    pixel = std::max({pixel_side(first, camera.X_FC_, widest, seen), width / kRoom, height / kRoom,
-                      std::sqrt(width * height / (kMaxPixels * num)), kSmallest});
+    pixel = std::max({pixel_side(first, camera.X_FC_.rotation, widest, seen), width / kRoom,
+                      height / kRoom, std::sqrt(width * height / (kMaxPixels * num)), kSmallest});
     made.width = std::max(8, static_cast<int>(std::ceil(width / pixel)) + 1 + 2 * kMargin);
     made.height = std::max(8, static_cast<int>(std::ceil(height / pixel)) + 1 + 2 * kMargin);
   }

@@ -45,8 +45,9 @@ std::optional<double> unit_of(const PointsView& cloud);
 
 /// Parameters that replace what the first cloud of a stream says.
 struct CloudCameraOptions {
-  std::optional<Vec3d> viewpoint =
-      {};  ///< m; where it is seen from, else the origin of its frame F
+  /// m; where it is seen from, else the origin of its frame F. All points are relative to it, with
+  /// the axes of F: far from the origin of F they would lose their digits.
+  std::optional<Vec3d> viewpoint = {};
   std::optional<Vec3d> look =
       {};  ///< direction of the image's center in F; 45 degrees to each side
   std::optional<Intrinsics> intrinsics = {};
@@ -70,8 +71,9 @@ class CloudCamera {
  public:
   /// A camera fixed by the first cloud: the one that the cloud is an image of, or one with two
   /// points in each of its pixels. It looks along z of F if the points are there, else to their
-  /// middle. Errors: no points, or too few to tell a size;
-  /// they surround the viewpoint (Errc::invalid_argument: what is asked for has to change).
+  /// middle. Points are relative to the viewpoint, here and in `take`. Errors: no points, or too
+  /// few to tell a size; they surround the viewpoint (Errc::invalid_argument: what is asked for has
+  /// to change).
   static Result<CloudCamera> create(const PointsView& first, const CloudCameraOptions& options);
   /// A given camera at F.
   CloudCamera(const CameraModel& model, double unit) : model_(model), unit_(unit) {}
@@ -81,6 +83,10 @@ class CloudCamera {
   /// Sets size, intrinsics and unit of a stream of its images.
   void describe(DepthStreamInfo& info) const;
   const Pose& X_FC() const { return X_FC_; }  ///< pose of the camera in the frame of the points
+  /// The same. None: the first cloud is an image.
+  std::optional<Pose> projection() const {
+    return is_projected_ ? std::optional(X_FC_) : std::nullopt;
+  }
 
   /// Makes the depth image: size, unit and pixels of `frame`. A cloud of the image's size whose
   /// points lie on the camera's rays (99 % of 4096 samples, within half a pixel) gives its z, to
@@ -102,6 +108,7 @@ class CloudCamera {
   CameraModel model_;
   double unit_ = 0;
   Pose X_FC_;
+  bool is_projected_ = false;  // the first cloud is no image
   std::vector<Pixel> pixels_;
   std::vector<float> inverse_;  // 1/z at the centers; 0: none
   bool is_grid_ = false;        // all points lie at centers: those of an image in another order

@@ -57,9 +57,10 @@ Result<std::string> read_cloud_file(const std::filesystem::path& path) {
 }
 
 /// The first `num` of x, y, z and the three of the normal.
-Result<CloudColumns> read_columns(std::string_view content, std::size_t num) {
-  return is_ply(content) ? read_ply_columns(content, std::span(kPlyNames).first(num))
-                         : read_pcd_columns(content, std::span(kPcdNames).first(num));
+Result<CloudColumns> read_columns(std::string_view content, std::size_t num,
+                                  const Vec3d& origin = {}) {
+  return is_ply(content) ? read_ply_columns(content, std::span(kPlyNames).first(num), origin)
+                         : read_pcd_columns(content, std::span(kPcdNames).first(num), origin);
 }
 
 }  // namespace
@@ -89,11 +90,12 @@ Result<CloudFile> load_cloud(const std::filesystem::path& path) {
   return CloudFile{std::move(cloud), words_of_eye(path, columns->eye, num_turned, num_usable)};
 }
 
-Result<PointsFile> load_points(const std::filesystem::path& path, double scale) {
+Result<PointsFile> load_points(const std::filesystem::path& path, double scale, const Vec3d& eye) {
   const auto content = read_cloud_file(path);
   if (!content) return content.error();
-  auto columns = read_columns(*content, 6);
-  if (!columns) columns = read_columns(*content, 3);
+  const Vec3d origin = eye / scale;
+  auto columns = read_columns(*content, 6, origin);
+  if (!columns) columns = read_columns(*content, 3, origin);
   if (!columns) return in_file(path, columns.error().message + "; a cloud needs x, y and z");
   const auto& v = columns->values;
   if (v[0].size() > kMaxCloudPoints) {
@@ -101,8 +103,10 @@ Result<PointsFile> load_points(const std::filesystem::path& path, double scale) 
   }
   PointsFile file{{columns->width, columns->height, {}, {}}, scale * columns->eye};
   const float factor = static_cast<float>(scale);
+  const Vec3f nothing = to_float(-origin);  // 0 0 0 is no measurement
   for (std::size_t i = 0; i < v[0].size(); ++i) {
-    file.cloud.points.push_back(factor * Vec3f{v[0][i], v[1][i], v[2][i]});
+    const Vec3f p{v[0][i], v[1][i], v[2][i]};
+    file.cloud.points.push_back(p == nothing ? Vec3f{} : factor * p);
     if (v.size() == 6) file.cloud.normals.push_back({v[3][i], v[4][i], v[5][i]});
   }
   return file;

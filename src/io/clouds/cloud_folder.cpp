@@ -30,7 +30,7 @@ class CloudFolderSource final : public DepthSource {
     const FrameEntry& entry = list_.entries[next_++];
     CloudPoints cloud = std::move(first_);
     if (next_ > 1) {
-      auto file = load_points(entry.path, scale_);
+      auto file = load_points(entry.path, scale_, camera_.X_FC().translation);
       if (!file) return file.error();
       cloud = std::move(file->cloud);
       if (norm(file->eye - eye_) > 1e-3 && !std::exchange(is_eye_noted_, true)) {
@@ -68,12 +68,15 @@ class CloudFolderSource final : public DepthSource {
 Result<CloudFolder> open_cloud_folder(const FrameList& list, const CloudCameraOptions& options,
                                       double scale, const std::string& name) {
   const std::string& path = list.entries.front().path;
-  auto first = load_points(path, scale);
-  if (!first) return first.error();
   CloudCameraOptions from = options;
+  auto first = load_points(path, scale, from.viewpoint.value_or(Vec3d{}));
+  if (!first) return first.error();
   // An organized cloud may be an image all the same: its points tell.
-  const bool has_eye = norm(first->eye) > 0 && !pinhole_of(first->cloud.view());
-  if (has_eye && !from.viewpoint) from.viewpoint = first->eye;
+  if (!from.viewpoint && norm(first->eye) > 0 && !pinhole_of(first->cloud.view())) {
+    from.viewpoint = first->eye;
+    first = load_points(path, scale, first->eye);
+    if (!first) return first.error();
+  }
   auto camera = CloudCamera::create(first->cloud.view(), from);
   if (!camera) return Error{camera.error().code, path + ": " + camera.error().message};
   DepthStreamInfo info;
@@ -81,7 +84,7 @@ Result<CloudFolder> open_cloud_folder(const FrameList& list, const CloudCameraOp
   info.rate = list.rate;
   info.num_frames = static_cast<int>(list.entries.size());
   info.name = name;
-  const Pose X_FC = camera->X_FC();
+  const std::optional<Pose> X_FC = camera->projection();
   return CloudFolder{
       std::make_unique<CloudFolderSource>(list, *std::move(camera), std::move(first->cloud),
                                           first->eye, scale, std::move(info)),

@@ -127,15 +127,15 @@ const Field* find_field(const Header& header, std::string_view name) {
   return nullptr;
 }
 
-float load_real(const char* bytes, std::size_t size) {
+double load_real(const char* bytes, std::size_t size) {
   if (size == sizeof(float)) {
     float value;
     std::memcpy(&value, bytes, sizeof(value));
-    return value;
+    return static_cast<double>(value);
   }
   double value;
   std::memcpy(&value, bytes, sizeof(value));
-  return static_cast<float>(value);
+  return value;
 }
 
 Error truncated(const Header& header) {
@@ -165,7 +165,8 @@ Result<std::string> decompress(std::string_view content, const Header& header) {
 }
 
 std::optional<Error> read_text(std::string_view content, const Header& header,
-                               std::span<const Field* const> fields, CloudColumns& columns) {
+                               std::span<const Field* const> fields, const Vec3d& origin,
+                               CloudColumns& columns) {
   std::vector<std::string_view> words(header.words_per_row);
   const std::size_t num_points = columns.values[0].size();
   for (std::size_t i = 0; i < num_points; ++i) {
@@ -176,7 +177,7 @@ std::optional<Error> read_text(std::string_view content, const Header& header,
     for (std::size_t c = 0; c < fields.size(); ++c) {
       const auto value = parse_number<double>(words[fields[c]->first_word]);
       if (!value) return bad_input("is damaged: point " + std::to_string(i) + " has a bad number");
-      columns.values[c][i] = static_cast<float>(*value);
+      columns.values[c][i] = narrowed(*value, c, origin);
     }
   }
   return std::nullopt;
@@ -185,7 +186,8 @@ std::optional<Error> read_text(std::string_view content, const Header& header,
 }  // namespace
 
 Result<CloudColumns> read_pcd_columns(std::string_view content,
-                                      std::span<const std::string_view> names) {
+                                      std::span<const std::string_view> names,
+                                      const Vec3d& origin) {
   const auto header = take_header(content);
   if (!header) return header.error();
   std::vector<const Field*> fields;
@@ -211,7 +213,7 @@ Result<CloudColumns> read_pcd_columns(std::string_view content,
       static_cast<int>(header->width), static_cast<int>(header->height), {}, header->eye};
   columns.values.assign(names.size(), std::vector<float>(num_points));
   if (is_text) {
-    if (auto error = read_text(content, *header, fields, columns)) return *std::move(error);
+    if (auto error = read_text(content, *header, fields, origin, columns)) return *std::move(error);
     return columns;
   }
   if (content.size() / row_bytes < num_points) return truncated(*header);
@@ -220,7 +222,7 @@ Result<CloudColumns> read_pcd_columns(std::string_view content,
     const char* first = content.data() + field.offset * (is_packed ? num_points : 1);
     const std::size_t step = is_packed ? field.size : row_bytes;
     for (std::size_t i = 0; i < num_points; ++i)
-      columns.values[c][i] = load_real(first + i * step, field.size);
+      columns.values[c][i] = narrowed(load_real(first + i * step, field.size), c, origin);
   }
   return columns;
 }

@@ -26,7 +26,8 @@ bool read_row(const PlyElement& element, PlyValues& values, std::vector<double>&
 }  // namespace
 
 Result<CloudColumns> read_ply_columns(std::string_view content,
-                                      std::span<const std::string_view> names) {
+                                      std::span<const std::string_view> names,
+                                      const Vec3d& origin) {
   const auto header = take_ply_header(content);
   if (!header) return header.error();
   PlyValues values(content, header->encoding);
@@ -61,7 +62,7 @@ Result<CloudColumns> read_ply_columns(std::string_view content,
         return bad_input("is truncated or damaged at '" + element.name + "' " + std::to_string(i) +
                          " of " + std::to_string(element.count));
       for (std::size_t c = 0; c < places.size(); ++c)
-        columns.values[c][i] = static_cast<float>(row[places[c]]);
+        columns.values[c][i] = narrowed(row[places[c]], c, origin);
     }
     if (is_vertex) return columns;  // Faces do not matter.
   }

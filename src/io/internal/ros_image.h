@@ -16,10 +16,11 @@ struct CloudPoints;
 Result<DepthFrame> read_depth_image(std::string_view message, double unit, double scale = 1);
 /// Reads sensor_msgs/PointCloud2: x, y, z, and normal_x, normal_y, normal_z where it has all three,
 /// wherever they lie in a point, of any number type, in either byte order; `scale`: meters per
-/// number. Nothing is allocated before all sizes are checked against the message; the memory of
-/// `points` is used again. Errors: damaged, no points, more than kMaxCloudPoints, a coordinate that
-/// is missing, there twice, or outside of its point.
-Status read_point_cloud(std::string_view message, double scale, CloudPoints& points);
+/// number; `eye`: m, subtracted in double. Nothing is allocated before all sizes are checked
+/// against the message; the memory of `points` is used again. Errors: damaged, no points, more than
+/// kMaxCloudPoints, a coordinate that is missing, there twice, or outside of its point.
+Status read_point_cloud(std::string_view message, double scale, const Vec3d& eye,
+                        CloudPoints& points);
 /// As flow_message writes it: DepthFrame::flow. Error: damaged.
 Result<std::vector<float>> read_flow_image(std::string_view message);
 

@@ -80,7 +80,8 @@ Result<PointFields> take_fields(CdrReader& from) {
 
 }  // namespace
 
-Status read_point_cloud(std::string_view message, double scale, CloudPoints& points) {
+Status read_point_cloud(std::string_view message, double scale, const Vec3d& eye,
+                        CloudPoints& points) {
   CdrReader from(message);
   read_ros_header(from);
   const auto height = from.number<std::uint32_t>(), width = from.number<std::uint32_t>();
@@ -118,18 +119,21 @@ Status read_point_cloud(std::string_view message, double scale, CloudPoints& poi
   points.height = static_cast<int>(height);
   points.points.resize(num);
   points.normals.resize(has_normals ? num : 0);
-  const auto read_three = [&](std::size_t first, double factor, std::vector<Vec3f>& to) {
+  const auto read_three = [&](std::size_t first, double factor, const Vec3d& origin,
+                              std::vector<Vec3f>& to) {
     const std::span three = std::span(fields).subspan(first, 3);
     for (std::size_t i = 0; i < num; ++i) {
       const char* const at = data.data() + i / width * row_step + i % width * point_step;
+      Vec3d p;
       for (int axis = 0; axis < 3; ++axis) {
         const auto& [offset, type] = three[static_cast<std::size_t>(axis)];
-        to[i][axis] = static_cast<float>(factor * value_at(at + offset, type, is_big));
+        p[axis] = factor * value_at(at + offset, type, is_big);
       }
+      to[i] = to_float(p == Vec3d{} ? p : p - origin);  // 0 0 0 is no measurement
     }
   };
-  read_three(0, scale, points.points);
-  if (has_normals) read_three(3, 1, points.normals);
+  read_three(0, scale, eye, points.points);
+  if (has_normals) read_three(3, 1, {}, points.normals);
   return Done{};
 }
 
