@@ -13,6 +13,8 @@ import { Follower } from './motion';
 const TICK = 1e-3; // s
 const MOST_TICKS = 10; // of a burst
 const LONGEST_DELAY = 100; // ticks, of the run behind the clock
+const LONG_DELAY = 50;     // ticks: drawing, by software perhaps, takes the processor from the run
+const LONGEST_PAUSE = 100; // ms, of pictures
 const QUICK = 0.35; // ms, a query that every tick can pay
 const FRAME_SECONDS = 0.1;
 const SILENCE = 300; // ms without a pose: nobody holds the tool
@@ -73,6 +75,7 @@ export class World {
   private firstSample = 0;
   private picture = 0;
   private acknowledged = 0;
+  private pictures = { time: 0, pause: 0, areTooMany: false }; // ms, of the last one and until the next
   private hasNewFrame = true;
   private nextState = 0;
   private note: string | null = null;
@@ -330,13 +333,16 @@ export class World {
     this.missed += missed;
     this.lost += missed * TICK;
     this.longestDelay = this.bursts++ > 100 ? Math.max(this.longestDelay, due) : 0; // after the code has warmed up
+    if (due > LONG_DELAY) this.pictures.areTooMany = true;
     this.late += Math.min(num, Math.max(0, due - missed - MOST_TICKS));
-    if (this.isFrameDue || (this.images.length > 1 && this.time >= this.nextFrame)) this.takeFrame();
     const begin = performance.now();
     if (this.isHeld && begin - this.heldTime > SILENCE) this.release();
     for (let k = 0; k < num; ++k) this.tick(k === 0);
     this.perTick = (performance.now() - begin) / num;
-    return num === due - missed;
+    const hasCaughtUp = num === due - missed, isFrameDue = this.isFrameDue || (this.images.length > 1 && this.time >= this.nextFrame);
+    if (!isFrameDue || !(hasCaughtUp || this.time >= this.nextFrame + FRAME_SECONDS)) return hasCaughtUp;
+    this.takeFrame();
+    return false; // ticks were due meanwhile
   }
   private perTick = 0; // ms
 
@@ -363,13 +369,16 @@ export class World {
       0, tick.stretch, tick.gain, tick.energy, ...tick.X_WT, ...tick.X_WT_hand]);
   }
 
-  /** Sends a picture if the page has drawn the last one, and the state four times a second. */
+  /** Sends a picture if the page has drawn the last one, and the state four times a second. Pictures become rarer while ticks are delayed. */
   send(): void {
     if (this.time >= this.nextState) {
       this.nextState = this.time + 0.25;
       this.out.text(this.state());
     }
     if (this.acknowledged < this.picture || !(this.show.frames || this.show.contacts || this.show.samples)) return;
+    const { time, pause, areTooMany } = this.pictures, now = performance.now();
+    if (now - time < pause) return;
+    this.pictures = { time: now, pause: areTooMany ? Math.min(LONGEST_PAUSE, 1.5 * pause + 5) : 0.95 * pause, areTooMany: false };
     if (this.show.frames && this.hasNewFrame) {
       this.hasNewFrame = false;
       const image = this.images[(this.frameNumber - 1) % this.images.length];
