@@ -13,8 +13,8 @@ if (!existsSync(file)) {
 export const { browser, launchWith } = await import('../viewer/page/harness.mjs');
 const pictures = process.env.PALPATE_TRY_PICTURES;
 
-export async function open({ viewport = { width: 800, height: 500 }, query = '', before = () => {} } = {}) {
-  const context = await browser.newContext({ viewport });
+export async function open({ viewport = { width: 800, height: 500 }, isMobile = false, query = '', before = () => {} } = {}) {
+  const context = await browser.newContext({ viewport, isMobile, hasTouch: isMobile });
   await context.addInitScript(before);
   const page = await context.newPage(), requests = [], errors = [];
   page.on('request', (request) => /^https?:/.test(request.url()) && requests.push(request.url()));

@@ -295,7 +295,7 @@ test('the keyboard alone', async () => {
 });
 
 test('a phone vibrates as the force changes, and what is on it can be read', async () => {
-  const { page, context } = await open({ viewport: { width: 390, height: 844 }, query: '?view=camera&theme=dark', before: () => {
+  const { page, context } = await open({ viewport: { width: 390, height: 844 }, isMobile: true, query: '?view=camera&theme=dark', before: () => {
     window.pulses = [];
     navigator.vibrate = (ms) => window.pulses.push({ ms, at: performance.now() });
   } });
@@ -306,8 +306,10 @@ test('a phone vibrates as the force changes, and what is on it can be read', asy
   const pulses = await page.evaluate(() => window.pulses);
   console.log(JSON.stringify(pulses));
   assert.ok(pulses.length > 0 && pulses.every(({ ms }) => ms >= 10 && ms <= 60));
-  const { right, bottom } = await page.locator('.try-open').evaluate((e) => e.getBoundingClientRect());
-  assert.ok(right <= 390 && bottom <= 844);
+  const outside = await page.evaluate(() => [...document.querySelectorAll('button, label, .card, .newtons')].filter((e) => e.checkVisibility()).map((e) =>
+    [e.textContent, e.getBoundingClientRect()]).filter(([, { left, top, right, bottom }]) => left < 0 || top < 0 || right > innerWidth || bottom > innerHeight).map(([text]) => text));
+  assert.deepEqual(outside, []);
+  assert.equal(await page.evaluate(() => innerWidth), 390);
   await context.close();
 });
 
