@@ -27,13 +27,14 @@ const room = { type: 'scene', version: 1, spatialEntities: [{
   bounded3D_META: { offset: { x: -1, y: -1, z: -0.5 }, extent: { width: 2, height: 2, depth: 0.5 } },
 }] };
 
-test('the depth of a headset is felt by its controller, and pulses follow the change of the force', async () => {
+/// Opens the page in an emulated headset, which may lack depth sensing.
+async function open(query, hasDepth = true) {
   const page = await browser.newPage({ viewport: { width: 800, height: 500 } }), requests = [], errors = [];
   page.on('request', (request) => /^https?:/.test(request.url()) && requests.push(request.url()));
   page.on('pageerror', (error) => errors.push(error.message));
   for (const name of ['iwer/build/iwer.min.js', 'iwer-sem/build/iwer-sem.min.js']) await page.addInitScript(readFileSync(join(packages, name), 'utf8'));
-  await page.addInitScript(([scene, turn]) => addEventListener('DOMContentLoaded', () => {
-    const device = window.headset = new window.IWER.XRDevice(window.IWER.metaQuest3);
+  await page.addInitScript(([scene, turn, hasDepth]) => addEventListener('DOMContentLoaded', () => {
+    const { metaQuest3: quest } = window.IWER, device = window.headset = new window.IWER.XRDevice({ ...quest, supportedFeatures: quest.supportedFeatures.filter((name) => hasDepth || name !== 'depth-sensing') });
     device.installRuntime({ forceInstall: true });
     device.installSEM(window.IWER_SEM.SyntheticEnvironmentModule);
     device.sem.loadEnvironment(scene);
@@ -48,9 +49,14 @@ test('the depth of a headset is felt by its controller, and pulses follow the ch
     window.pulses = [];
     for (const motor of device.controllers.right.inputSource.gamepad.hapticActuators)
       motor.pulse = (strength, ms) => (window.pulses.push([strength, ms]), Promise.resolve(true));
-  }, { once: true, capture: true }), [room, TURN]);
-  await page.goto(`file://${file}?friction.coefficient=0`);
+  }, { once: true, capture: true }), [room, TURN, hasDepth]);
+  await page.goto(`file://${file}${query}`);
   await page.waitForFunction(() => window.palpate?.hello && window.palpate.sample, null, { timeout: 240000 });
+  return { page, requests, errors };
+}
+
+test('the depth of a headset is felt by its controller, and pulses follow the change of the force', async () => {
+  const { page, requests, errors } = await open('?friction.coefficient=0');
   await page.setInputFiles('.try-open input', { name: 'box.stl', mimeType: 'model/stl', buffer: box(SIDE) });
   await page.waitForFunction((v) => Math.abs(window.palpate.hello.tool.volume / v - 1) < 1e-5, SIDE ** 3, { timeout: 120000 });
   await page.click('.try-headset');
@@ -94,6 +100,14 @@ test('the depth of a headset is felt by its controller, and pulses follow the ch
   await page.evaluate(() => window.headset.activeSession.end());
   await page.waitForFunction(() => window.palpate.hello.streams[0].name !== 'the headset', null, { timeout: 60000 });
   assert.deepEqual(requests, []);
+  assert.deepEqual(errors, []);
+  await page.close();
+});
+
+test('one sentence for a headset without depth', async () => {
+  const { page, errors } = await open('', false);
+  await page.click('.try-headset');
+  await page.waitForFunction(() => /^The headset shows no depth here \([^\n]+\); take one [^\n]+\.$/.test(document.querySelector('.try-line').textContent), null, { timeout: 60000 });
   assert.deepEqual(errors, []);
   await page.close();
 });

@@ -52,6 +52,7 @@ export class Headset {
   private lastImage = -Infinity; // ms
   private wasHeld = false;
   private hasImage = false;
+  private hasHeld = false; // in this session: before, the tool is nowhere
   private space: XRReferenceSpace | null = null;
 
   constructor(private readonly page: Page, private readonly wire: WorkerWire, private readonly say: (text: string) => void) {
@@ -61,14 +62,16 @@ export class Headset {
   }
 
   private async begin(): Promise<void> {
+    let session: DepthSession | undefined;
     try {
-      const session = await navigator.xr!.requestSession('immersive-ar', {
+      session = await navigator.xr!.requestSession('immersive-ar', {
         requiredFeatures: ['local-floor', 'depth-sensing'],
         depthSensing: { usagePreference: ['cpu-optimized'], dataFormatPreference: ['luminance-alpha', 'float32'] },
       } as XRSessionInit) as DepthSession;
       await this.show(session);
       this.say('Pull the trigger to hold the tool: the controller vibrates as the force changes.');
     } catch (error) {
+      void session?.end();
       this.say(`The headset shows no depth here (${(error as Error).message}); take one with depth sensing for pages, and allow it.`);
     }
   }
@@ -88,7 +91,7 @@ export class Headset {
       this.letGo();
       renderer.setAnimationLoop(null);
       for (const part of [tool.geometry, material, arrow, renderer]) part.dispose();
-      this.hasImage = false;
+      this.hasImage = this.hasHeld = false;
       this.wire.order({ kind: 'image', image: null });
     });
     renderer.setAnimationLoop((_, frame) => {
@@ -101,7 +104,7 @@ export class Headset {
         tool.geometry = new BufferGeometry().setIndex(new BufferAttribute(mesh.triangles, 1)).setAttribute('position', new BufferAttribute(mesh.positions, 3));
         tool.geometry.computeVertexNormals();
       }
-      tool.visible = this.hasImage && sample !== null;
+      tool.visible = this.hasHeld && sample !== null;
       if (sample) this.place(sample, tool, material, arrow);
       renderer.render(scene, camera);
     });
@@ -148,6 +151,7 @@ export class Headset {
     const at = this.space && this.toolAt(frame, inputSource, this.space);
     if (!at || this.holder || !this.hasImage) return;
     this.holder = inputSource;
+    this.hasHeld = true;
     this.wire.send(JSON.stringify({ id: 0, command: 'hold', at }));
   }
   private letGo(): void {

@@ -284,8 +284,7 @@ export class World {
   /** Takes an image as the scene, or the next one of the same moving camera; null: the scene of the settings again. */
   useImage(image: GivenImage | null): void {
     if (image?.camera && JSON.stringify(image.camera) === JSON.stringify(this.given?.camera)) {
-      this.images = [imageOf(image)];
-      this.isFrameDue = true;
+      [this.given, this.images, this.isFrameDue] = [image, [imageOf(image)], true];
     } else {
       this.takeOver({ given: image }, image === null ? null : image.camera ? `The camera is ${image.name}.` : `${image.name}: counts are taken as millimeters.`);
     }
