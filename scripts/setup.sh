@@ -225,13 +225,28 @@ install_file_packages() {
     trimesh scipy yourdfpy rosbags mcap open3d-cpu
 }
 
-# What runs WebAssembly outside of a browser, for its test.
+# What runs WebAssembly outside of a browser, and stands for a headset in one, for their tests.
+headset_packages=(iwer@2.5.0 @iwer/sem@2.4.0)
 install_web_packages() {
   case "$groups" in *" web "*) ;; *) return 0 ;; esac
-  if [ -x build/python-web/bin/python ] && build/python-web/bin/python -c "import wasmtime" 2>/dev/null; then return 0; fi
-  echo "setup: installing wasmtime into build/python-web"
-  if ! { python3 -m venv --clear build/python-web && build/python-web/bin/python -m pip install -q wasmtime==50.0.1; }; then
-    echo "setup: could not install wasmtime: see the message above. Its test is skipped until this command is" >&2
+  if ! { [ -x build/python-web/bin/python ] && build/python-web/bin/python -c "import wasmtime" 2>/dev/null; }; then
+    echo "setup: installing wasmtime into build/python-web"
+    if ! { python3 -m venv --clear build/python-web && build/python-web/bin/python -m pip install -q wasmtime==50.0.1; }; then
+      echo "setup: could not install wasmtime: see the message above. Its test is skipped until this command is" >&2
+      echo "setup: repeated with a network." >&2
+    fi
+  fi
+  [ ! -d build/web-headset ] || return 0
+  echo "setup: fetching ${headset_packages[*]} into build/web-headset"
+  local folder=build/web-headset.part
+  mkdir -p "$folder"
+  # Their bundles need none of the packages that they name.
+  if PATH="$PWD/build/node/bin:$PATH" npm pack --silent --pack-destination "$folder" "${headset_packages[@]}" >/dev/null &&
+    (cd "$folder" && for file in *.tgz; do tar xzf "$file" --transform "s,^package,${file%-*}," && rm "$file"; done); then
+    mv "$folder" build/web-headset
+  else
+    rm -rf "$folder"
+    echo "setup: could not fetch them: see the message above. The test with a headset is skipped until this command is" >&2
     echo "setup: repeated with a network." >&2
   fi
 }

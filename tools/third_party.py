@@ -21,6 +21,7 @@ NOTICES = ROOT / "THIRD_PARTY.md"
 HOW = {
     "page": "In the viewer's page, inside the program",
     "headers": "Compiled into the program",
+    "web": "Compiled into palpate.wasm, besides LLVM's C++ library",
     "module": "Compiled into the Python module",
     "linked": "Linked, and shipped in the Python package alone",
 }
@@ -116,7 +117,7 @@ def spdx_document(version):
     palpate = package("palpate", version, "Apache-2.0", "NOASSERTION", "the authors of Palpate")
     others = [package(p["name"], version_of(p), p["spdx"], p["url"],
                       "; ".join("Copyright " + c for c in p["copyright"])) for p in PARTIES]
-    kinds = {"page": "CONTAINS", "headers": "CONTAINS", "module": "CONTAINS", "linked": "DYNAMIC_LINK"}
+    kinds = {"page": "CONTAINS", "headers": "CONTAINS", "web": "CONTAINS", "module": "CONTAINS", "linked": "DYNAMIC_LINK"}
     return {
         "spdxVersion": "SPDX-2.3", "dataLicense": "CC0-1.0", "SPDXID": "SPDXRef-DOCUMENT",
         "name": f"palpate-{version}", "documentNamespace": f"https://spdx.org/spdxdocs/palpate-{version}",

@@ -16,14 +16,14 @@ const { status } = spawnSync(
   process.execPath, [join('node_modules', 'vite', 'bin', 'vite.js'), 'build', '--mode', 'try', '--outDir', built, '--emptyOutDir', '--logLevel', 'warn'],
   { cwd: web, stdio: 'inherit' });
 if (status !== 0) process.exit(1);
+const parties = JSON.parse(read(web, '../licenses/third_party.json')).filter(({ how }) => how === 'page' || how === 'web');
 const parts = {
   style: read(built, 'try.css').trim(),
   script: read(built, 'try.js').replaceAll('</script', '<\\/script'),
   core: gzipSync(readFileSync(core), { level: 9 }).toString('base64'),
-  licenses: ['three', 'uplot', 'lil-gui'].map((name) => {
-    const license = ['LICENSE', 'LICENSE.md'].map((file) => { try { return read(web, 'node_modules', name, file); } catch { return ''; } }).join('').trim();
-    return `${name}: ${license}`;
-  }).join('\n\n').replaceAll('--', '-'),
+  licenses: [...new Set(parties.map(({ spdx }) => spdx))].map((spdx) => [
+    ...parties.filter((party) => party.spdx === spdx).map(({ name, url, copyright }) => `${name} (${url}): copyright ${copyright.join('; ')}`),
+    '', read(web, `../licenses/${spdx}.txt`).trim()].join('\n')).join('\n\n\n'),
 };
 const page = read(web, 'try_template.html').replace(/{{(style|script|core|licenses)}}/g, (_, name) => parts[name]);
 writeFileSync(join(folder, 'try.html'), page);

@@ -22,7 +22,7 @@ import { TopBar } from './panels/top_bar';
 import { PictureRate } from './picture_rate';
 import { createScene } from './scene/scene_view';
 import { Theme } from './theme';
-import type { CameraView, Contact, Frame, Hello, Sample, SceneView, State, ToolLook } from './types';
+import type { CameraView, Contact, Frame, Hello, Mesh, Sample, SceneView, State, ToolLook } from './types';
 import type { Subscription } from './subscription';
 import { pictureSubscription, neededShapes } from './subscription';
 
@@ -35,6 +35,7 @@ export class Page implements Listener {
   hello: Hello | null = null;
   state: State | null = null;
   sample: Sample | null = null; // the newest
+  mesh: Mesh | null = null; // of the tool
   readonly scene: SceneView;
 
   private readonly root = element('div', 'page');
@@ -186,6 +187,7 @@ export class Page implements Listener {
         this.scene.setGraph(message.graph);
         return this.drawing.requestDraw();
       case 'mesh':
+        this.mesh = message.mesh;
         this.scene.setMesh(message.mesh);
         return this.drawing.requestDraw();
       case 'objects':
@@ -309,7 +311,7 @@ export class Page implements Listener {
       return createScene(this.canvas);
     } catch (error) {
       const reason = (error as Error).message;
-      this.tell(`This browser shows no 3-D picture (${reason}); plots and controls work without it.`, Infinity);
+      this.tell(`This browser shows no 3-D picture (${reason}); turn on its graphics acceleration, or use plots and controls, which work without it.`, Infinity);
       return withoutScene();
     }
   }

@@ -40,11 +40,13 @@ const drawing = [
   ['--use-angle=swiftshader', '--enable-unsafe-swiftshader'],
 ];
 
+/// A browser with these flags, for the caller to close.
+export const launchWith = (args) =>
+  playwright.chromium.launch({ executablePath, chromiumSandbox: process.getuid() !== 0, args });
+
 async function launch() {
   for (const flags of drawing) {
-    const browser = await playwright.chromium.launch({
-      executablePath, chromiumSandbox: process.getuid() !== 0, args: flags,
-    });
+    const browser = await launchWith(flags);
     const page = await browser.newPage();
     const works = await page.evaluate(
       () => !!document.createElement('canvas').getContext('webgl2'));

@@ -34,10 +34,10 @@ export class HeldKeys {
   constructor(isRequested: () => boolean) {
     addEventListener('keydown', (event) => {
       const found = (event.shiftKey ? TURNS : KEYS)[event.key];
-      if (!found || event.ctrlKey || event.metaKey || event.altKey || !isRequested()) return;
+      if (!found || event.ctrlKey || event.metaKey || event.altKey) return;
       if ((event.target as HTMLElement).closest('input, select, textarea, dialog')) return;
-      event.preventDefault();
-      this.down.set(event.key, found);
+      if (isRequested()) event.preventDefault();
+      this.down.set(event.key, found); // one that is down before the tool is held moves it, too
     });
     addEventListener('keyup', (event) => this.down.delete(event.key));
     addEventListener('blur', () => this.down.clear());

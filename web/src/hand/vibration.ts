@@ -7,6 +7,9 @@ const LEAST = 0.01;  // share that is felt
 const FASTEST = 3;   // 1/s: change of the force, over the largest, at full vibration
 const SHORTEST_PULSE = 10, LONGEST_PULSE = 60; // ms: shorter ones do not move a phone
 
+/** A controller of a headset. */
+type Controller = Gamepad & { hapticActuators?: { pulse(strength: number, ms: number): Promise<unknown> }[] };
+
 export class Vibration {
   private begun = -Infinity; // ms
   private share = [0, 0, 0];
@@ -22,6 +25,7 @@ export class Vibration {
     if (Math.max(strong, change) < LEAST) return;
     void pad?.vibrationActuator?.playEffect?.('dual-rumble', { duration: 1.3 * INTERVAL, strongMagnitude: strong, weakMagnitude: change })
       .catch(() => {}); // a gamepad without motors
+    if (change >= LEAST) void (pad as Controller | null)?.hapticActuators?.[0]?.pulse(change, 1.3 * INTERVAL);
     if (change >= LEAST) navigator.vibrate?.(Math.round(SHORTEST_PULSE + (LONGEST_PULSE - SHORTEST_PULSE) * change));
   }
   /** Begins anew: nobody holds the tool. */

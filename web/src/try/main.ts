@@ -1,10 +1,12 @@
 // The page without a program: the viewer's page over a worker with the core, and the files that a reader drops on it.
 import '../style.css';
 import './try.css';
-import { element } from '../dom';
+import { button, element, icon } from '../dom';
 import { Page } from '../page';
+import { Headset } from './headset';
 import { readMesh } from './meshes';
 import { readDepthPng } from './png';
+import { whyNot } from '../../core/palpate';
 import { packInWorker, WorkerWire } from './wire';
 
 const LARGEST_FILE = 64 << 20; // bytes
@@ -15,6 +17,16 @@ async function core(): Promise<ArrayBuffer> {
   const text = document.getElementById('core')?.textContent?.trim() ?? '';
   const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   return new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream('gzip'))).arrayBuffer();
+}
+
+/** Returns a button for the licenses of Palpate and of what is in the page. */
+function licenses(): HTMLElement {
+  const close = button('round', 'close', () => dialog.close(), icon('close'));
+  const dialog = element('dialog', 'help', element('h2', '', 'Licenses', close),
+    element('p', '', 'Palpate: Apache License 2.0. In this page, and in the WebAssembly in it, is also the work of others:'),
+    element('pre', '', document.getElementById('licenses')?.textContent?.trim() ?? ''));
+  dialog.setAttribute('aria-label', 'licenses');
+  return element('span', '', button('try-licenses', 'licenses of Palpate and of what is in this page', () => dialog.showModal(), 'licenses'), dialog);
 }
 
 class Files {
@@ -33,7 +45,7 @@ class Files {
     this.line.setAttribute('role', 'status');
     this.button.hidden = true;
     this.button.onclick = () => this.cancel();
-    document.body.append(element('div', 'try-files', label, this.line, this.button));
+    document.body.append(element('div', 'try-files', label, this.line, this.button, licenses()));
     addEventListener('dragover', (event) => event.preventDefault());
     addEventListener('drop', (event) => {
       event.preventDefault();
@@ -83,6 +95,8 @@ class Files {
 }
 
 async function begin(): Promise<void> {
+  const refusal = whyNot();
+  if (refusal !== null) return document.body.append(element('p', 'try-refusal', refusal));
   const wasm = await core();
   let files: Files | null = null;
   const address = new URLSearchParams(location.search);
@@ -91,6 +105,7 @@ async function begin(): Promise<void> {
   for (const [name, value] of [['plots', '0'], ['image', '0'], ['controls', '0']]) if (!address.has(name)) address.set(name, value);
   const page = new Page(address, () => wire);
   files = new Files(wasm, wire);
+  new Headset(page, wire, (text) => files?.say(text));
   Object.assign(window, {
     palpate: {
       counters: page.counters, scene: page.scene, command: page.command.bind(page), tell: (message: object) => wire.send(JSON.stringify(message)), take: (file: File) => files?.take(file), readPng: readDepthPng,

@@ -7,7 +7,7 @@ import type { GivenImage } from './world';
 export type Order =
   | { kind: 'start'; core: ArrayBuffer; settings: [key: string, value: string][] }
   | { kind: 'tool'; name: string; bytes: Uint8Array }
-  | { kind: 'image'; image: GivenImage }
+  | { kind: 'image'; image: GivenImage | null }
   | { kind: 'pack'; core: ArrayBuffer; vertices: Float64Array; triangles: Uint32Array; spheres: number };
 /** Answers to them, beside the messages of the protocol. */
 export type Report =

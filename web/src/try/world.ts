@@ -13,6 +13,8 @@ import { Follower } from './motion';
 const TICK = 1e-3; // s
 const MOST_TICKS = 10; // of a burst
 const LONGEST_DELAY = 100; // ticks, of the run behind the clock
+const LONG_DELAY = 50;     // ticks: drawing, by software perhaps, takes the processor from the run
+const LONGEST_PAUSE = 100; // ms, of pictures
 const QUICK = 0.35; // ms, a query that every tick can pay
 const FRAME_SECONDS = 0.1;
 const SILENCE = 300; // ms without a pose: nobody holds the tool
@@ -27,8 +29,10 @@ const WIDTH = 320, HEIGHT = 240;
 
 type Value = string | number | boolean;
 export interface Outlet { text(message: object): void; binary(buffer: ArrayBuffer): void }
-/** A depth image that a reader has dropped on the page. */
-export interface GivenImage { name: string; width: number; height: number; counts: Uint16Array }
+/** A depth image that a reader has dropped on the page, or one of the stream of a camera that is known and moves. */
+export interface GivenImage { name: string; width: number; height: number; counts: Uint16Array; camera?: Camera; X_WC?: number[] }
+
+const imageOf = ({ width, height, counts, X_WC }: GivenImage): Image => ({ width, height, unit: 0.001, counts, X_WC: X_WC ?? [0, 0, 0, 0, 0, 0, 1] });
 
 export class World {
   private readonly settings: Record<string, Value> = {
@@ -53,6 +57,8 @@ export class World {
   private isHeld = false;
   private heldTime = 0; // ms, of the last pose of the page
   private nextFrame = 0; // s
+  private isFrameDue = false; // one was pushed
+  private captured = 0; // s, of the newest frame
   private frameNumber = 0;
   private X_WT: number[] = [];
   private tickNumber = 0;
@@ -62,12 +68,14 @@ export class World {
   private last: Tick | null = null;
   private queryMs = 0;
   private longestDelay = 0; // ticks, of the run behind the clock
+  private late = 0; // ticks that came more than MOST_TICKS after their time
   private bursts = 0;
   private show = { frames: false, contacts: false, samples: false };
   private samples: number[][] = [];
   private firstSample = 0;
   private picture = 0;
   private acknowledged = 0;
+  private pictures = { time: 0, pause: 0, areTooMany: false }; // ms, of the last one and until the next
   private hasNewFrame = true;
   private nextState = 0;
   private note: string | null = null;
@@ -99,9 +107,9 @@ export class World {
     this.simulation = palpate.simulation(name, WIDTH, HEIGHT, noise);
     const { info } = this.simulation, spheres = Number(settings['packing.spheres']);
     if (this.given) {
-      const { width, height, counts } = this.given, focal = 0.85 * width;
-      this.camera = { width, height, fx: focal, fy: focal, cx: (width - 1) / 2, cy: (height - 1) / 2 };
-      this.images = [{ width, height, unit: 0.001, counts, X_WC: [0, 0, 0, 0, 0, 0, 1] }];
+      const { width, height } = this.given, focal = 0.85 * width;
+      this.camera = this.given.camera ?? { width, height, fx: focal, fy: focal, cx: (width - 1) / 2, cy: (height - 1) / 2 };
+      this.images = [imageOf(this.given)];
       this.title = this.given.name;
     } else {
       this.camera = info.camera;
@@ -179,7 +187,7 @@ export class World {
       revision: this.revision, settings: { ...this.settings, 'packing.spheres': String(this.settings['packing.spheres']) },
       frame_number: this.frameNumber, pages: 1, ticks: this.tickNumber, missed: this.missed, lost: 0, frames: this.frameNumber,
       contacts: this.contacts, sensor_age: Math.max(0, this.time - this.nextFrame + FRAME_SECONDS), stages: [],
-      longest_delay: this.longestDelay, query_ms: this.queryMs,
+      longest_delay: this.longestDelay, late: this.late, query_ms: this.queryMs,
     };
   }
 
@@ -211,6 +219,7 @@ export class World {
         return {};
       case 'set': return { value: this.set(String(message.key), message.value as Value) };
       case 'hold':
+        if (Array.isArray(message.at)) this.place(message.at as number[]);
         this.isHeld = true;
         this.heldTime = performance.now();
         this.follower.grip();
@@ -220,6 +229,16 @@ export class World {
       case 'force': return {};
       default: throw new Error(`The page without a program cannot ${message.command}; take the program for it.`);
     }
+  }
+
+  /** Puts the tool elsewhere: a new hand holds it there, and feels nothing before it has been free. */
+  private place(X_WT: number[]): void {
+    const hand = this.palpate.hand(this.tool, DEVICE, this.handOptions());
+    this.hand.free();
+    this.hand = hand;
+    this.X_WT = X_WT;
+    this.follower = new Follower(hand.handleAt(X_WT));
+    this.measure(this.time);
   }
 
   private release(): void {
@@ -262,11 +281,16 @@ export class World {
   useTool(bytes: Uint8Array, name: string): void {
     this.takeOver({ givenTool: bytes }, `The tool is ${name}.`);
   }
-  useImage(image: GivenImage): void {
-    this.takeOver({ given: image }, `${image.name}: counts are taken as millimeters.`);
+  /** Takes an image as the scene, or the next one of the same moving camera; null: the scene of the settings again. */
+  useImage(image: GivenImage | null): void {
+    if (image?.camera && JSON.stringify(image.camera) === JSON.stringify(this.given?.camera)) {
+      [this.given, this.images, this.isFrameDue] = [image, [imageOf(image)], true];
+    } else {
+      this.takeOver({ given: image }, image === null ? null : image.camera ? `The camera is ${image.name}.` : `${image.name}: counts are taken as millimeters.`);
+    }
   }
   /** Takes what a reader gave, or refuses it and goes on as before. */
-  private takeOver(news: { given?: GivenImage; givenTool?: Uint8Array }, note: string): void {
+  private takeOver(news: { given?: GivenImage | null; givenTool?: Uint8Array }, note: string | null): void {
     const { given, givenTool } = this;
     Object.assign(this, news);
     try {
@@ -282,17 +306,19 @@ export class World {
 
   private takeFrame(): void {
     const image = this.images[this.frameNumber % this.images.length];
-    this.sensor.update(image.counts, image.unit);
+    this.sensor.update(image.counts, image.unit, image.X_WC);
     ++this.frameNumber;
+    this.isFrameDue = false;
+    this.captured = this.time;
     this.nextFrame = this.time + FRAME_SECONDS;
     this.hasNewFrame = true;
   }
 
   private measure(time: number): void {
     const begin = performance.now();
-    const progress = this.images.length > 1 ? Math.min(1, Math.max(0, 1 - (this.nextFrame - time) / FRAME_SECONDS)) : 1;
+    const isPushed = this.given?.camera !== undefined, progress = isPushed || this.images.length > 1 ? Math.min(1, Math.max(0, 1 - (this.nextFrame - time) / FRAME_SECONDS)) : 1;
     this.contact.measure(this.scene, this.X_WT, { progress, stiffness: true });
-    this.hand.contact(this.contact, this.X_WT, time, time);
+    this.hand.contact(this.contact, this.X_WT, time, isPushed ? this.captured : time); // a camera that has stopped ends the force
     // A query that another program has interrupted is none that is slow.
     this.queryMs += 0.05 * (Math.min(performance.now() - begin, 2 * QUICK) - this.queryMs);
     ++this.contacts;
@@ -306,12 +332,16 @@ export class World {
     this.missed += missed;
     this.lost += missed * TICK;
     this.longestDelay = this.bursts++ > 100 ? Math.max(this.longestDelay, due) : 0; // after the code has warmed up
-    if (this.images.length > 1 && this.time >= this.nextFrame) this.takeFrame();
+    if (due > LONG_DELAY) this.pictures.areTooMany = true;
+    this.late += Math.min(num, Math.max(0, due - missed - MOST_TICKS));
     const begin = performance.now();
     if (this.isHeld && begin - this.heldTime > SILENCE) this.release();
     for (let k = 0; k < num; ++k) this.tick(k === 0);
     this.perTick = (performance.now() - begin) / num;
-    return num === due - missed;
+    const hasCaughtUp = num === due - missed, isFrameDue = this.isFrameDue || (this.images.length > 1 && this.time >= this.nextFrame);
+    if (!isFrameDue || !(hasCaughtUp || this.time >= this.nextFrame + FRAME_SECONDS)) return hasCaughtUp;
+    this.takeFrame();
+    return false; // ticks were due meanwhile
   }
   private perTick = 0; // ms
 
@@ -338,13 +368,16 @@ export class World {
       0, tick.stretch, tick.gain, tick.energy, ...tick.X_WT, ...tick.X_WT_hand]);
   }
 
-  /** Sends a picture if the page has drawn the last one, and the state four times a second. */
+  /** Sends a picture if the page has drawn the last one, and the state four times a second. Pictures become rarer while ticks are delayed. */
   send(): void {
     if (this.time >= this.nextState) {
       this.nextState = this.time + 0.25;
       this.out.text(this.state());
     }
     if (this.acknowledged < this.picture || !(this.show.frames || this.show.contacts || this.show.samples)) return;
+    const { time, pause, areTooMany } = this.pictures, now = performance.now();
+    if (now - time < pause) return;
+    this.pictures = { time: now, pause: areTooMany ? Math.min(LONGEST_PAUSE, 1.5 * pause + 5) : 0.95 * pause, areTooMany: false };
     if (this.show.frames && this.hasNewFrame) {
       this.hasNewFrame = false;
       const image = this.images[(this.frameNumber - 1) % this.images.length];
