@@ -22,6 +22,7 @@ from matplotlib import pyplot  # noqa: E402
 from matplotlib.collections import LineCollection  # noqa: E402
 
 import palpate  # noqa: E402
+import palpate.plot  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests/docs"))
@@ -65,9 +66,9 @@ def planning(_):
     blocked, clearance = names["blocked"], names["batch"].clearance
     figure, (left, right) = axes(2)
     left.imshow(names["depth"], cmap="gray_r")
-    u = camera.fx * x / 0.4 + camera.cx
+    u = camera.fx * x / names["poses"][0, 2] + camera.cx
     left.scatter(u, np.full(1000, camera.cy), c=np.where(blocked, RED, GREEN), s=9)
-    left.set(title="1000 poses before the depth image: free and blocked", xlim=(0, camera.width), xticks=[], yticks=[])
+    left.set(title="1000 poses in the depth image", xlim=(0, camera.width), xticks=[], yticks=[])
     left.grid(False)
     for mask, color, label in ((~blocked, GREEN, "free"), (blocked, RED, "blocked")):
         right.plot(x[mask] * 1e3, clearance[mask] * 1e3, ".", ms=3, color=color, label=label)
@@ -82,9 +83,10 @@ def robots(_):
     names = guide("robots", 'Path("arm.urdf")', "robot.remove_from", "robot.any", "robot.free_motions")
     robot, joints, blocked, until = (names[name] for name in ("robot", "joints", "blocked", "until"))
     figure, (left, right) = axes(2, (11, 4.6))
-    points = palpate.Sensor(names["camera"]).update(names["depth"]).points.reshape(-1, 3)
-    near = points[np.abs(points[:, 0]) < 0.04]
-    left.scatter(near[:, 2], -near[:, 1], s=2, color=GRAY, label="the camera sees")
+    points = palpate.Sensor(names["camera"]).update(palpate.render_scene("pillar", 0.0)[0]).points.reshape(-1, 3)
+    near = points[np.abs(points[:, 0]) < 0.02]
+    left.scatter(near[:, 2], -near[:, 1], s=3, color="white")
+    left.annotate("pillar", (1.02, 0.32), color="white")
     arms = []
     for place in robot.place(joints[:60]):
         turn = np.array([[0, 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)] for x, y, z, w in place[:, 3:]])  # z of a link, y and z in W
@@ -101,7 +103,7 @@ def robots(_):
     right.add_collection(LineCollection(np.stack([reached, end], 1), colors=GRAY, lw=0.6, ls=":"))
     right.add_collection(LineCollection(np.stack([start, reached], 1), colors=BLUE, lw=0.9, label="proved free"))
     right.set(title="1000 configurations and 100 motions", xlabel=f"{robot.joint_names[0]}, rad", ylabel=f"{robot.joint_names[1]}, rad")
-    right.legend(loc="upper right", markerscale=3)
+    figure.legend(loc="outside right upper", markerscale=3)
     return figure
 
 
@@ -156,10 +158,13 @@ def table(page, figure):
 def gpu(_):
     """Draws the measured times of queries on a CPU core and on a GPU, which the reference has as tables."""
     figure, drawn = axes(1, (8, 4.2))
+    methods = (("field", BLUE), ("simplified", ORANGE), ("graph", GREEN))
     for where, name, marker in (("one CPU core", "spheres", "o-"), ("GPU", "gpu", "s--")):
         rows = table("docs/reference.md", name)
-        for method, color in (("field", BLUE), ("simplified", ORANGE), ("graph", GREEN)):
-            drawn.plot([float(row["spheres"]) for row in rows], [float(row[method]) for row in rows], marker, color=color, ms=5, label=f"{method}, {where}")
+        spheres = [float(row["spheres"]) for row in rows]
+        for method, color in methods:
+            times = [float(row[method]) for row in rows]
+            drawn.plot(spheres, times, marker, color=color, ms=5, label=f"{method}, {where}")
     drawn.axhline(1000, color=RED, lw=1)
     drawn.text(1000, 1080, "one tick, 1 ms", color=RED, va="bottom")
     drawn.set(xscale="log", yscale="log", xlabel="spheres", ylabel="median of a query, µs",

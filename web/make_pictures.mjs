@@ -85,21 +85,23 @@ async function report(page, { part = 'figure.picture .place', clicks = [], width
   return shot;
 }
 
-/// Holds the tool of a page and moves it away from the camera, by the messages that a pointer sends, until it meets a force, N.
+/// Holds the tool of a page in the view of the camera, pushes it by keys until it meets a force, N, and looks from beside.
 async function press(page, newtons) {
   await page.addStyleTag({ content: '.banner, .hint { display: none !important; }' });
-  await page.evaluate(async (wanted) => {
-    const { palpate } = window, force = () => Math.hypot(...['x', 'y', 'z'].map((axis) => palpate.sample[`force_${axis}`]));
-    await palpate.command({ command: 'hold' });
-    const hand = ['x', 'y', 'z', 'qx', 'qy', 'qz', 'qw'].map((name) => palpate.sample[`hand_${name}`]);
-    for (const end = Date.now() + 240000; force() < wanted && Date.now() < end;) {
-      if (Math.abs(palpate.sample.hand_z - hand[2]) < 0.001) hand[2] += 0.001; // it has been led there
-      palpate.tell({ hand });
-      await new Promise((resolve) => setTimeout(resolve, 50));
-    }
-  }, newtons);
-  await page.evaluate(() => window.palpate.scene.resetView());
-  await sleep(3000); // it glides
+  await page.keyboard.press('t');
+  const force = () => page.evaluate(() => Math.hypot(...['x', 'y', 'z'].map((axis) => window.palpate.sample[`force_${axis}`])));
+  await until(`${newtons} N`, async () => {
+    if (await force() > newtons) return true;
+    await page.keyboard.press('PageUp', { delay: 60 });
+    await sleep(200); // the hand is led there
+    return false;
+  });
+  for (let i = 0; i < 3; ++i) await page.keyboard.press('v'); // camera, from above, tool, free
+  await page.evaluate(() => {
+    Object.assign(window.palpate.governor ?? {}, { enabled: false, fine: true });
+    window.palpate.scene.resetView();
+  });
+  await sleep(10000); // it glides
 }
 
 /// Starts a command that serves a page, calls `look` with the page, and ends the command as Ctrl-C does.
@@ -186,12 +188,12 @@ const pictures = {
     return [await report('first/report.html')];
   },
   async try(name) {
-    shell(`${shown('try-it', '-o mine', /--device page/)}\nprintf '[safety]\n%s = 60\n%s = 60\n%s = 60\n' \
-      max_contact_age max_sensor_age max_device_silence > patient.toml`); // a machine that draws in software is late
+    const limits = ['max_contact_age', 'max_sensor_age', 'max_device_silence', 'max_tick', 'energy_tank'].map((limit) => `${limit}=60`);
+    shell(`${shown('try-it', '-o mine', /--device page/)}\nprintf '%s\n' '[safety]' ${limits.join(' ')} > patient.toml`); // drawing in software is late
     const words = shown('try-it', '-o mine').match(/palpate (touch .*)/)[1].split(' ');
-    await served([...words, '--settings', 'patient.toml', '--set', 'loop.thin_out=false', '--view-port', '0'], 'stride=2',
+    await served([...words, '--settings', 'patient.toml', '--set', 'loop.thin_out=false', '--view-port', '0'], 'stride=2&view=camera',
       { width: 1280, height: 720 }, async (page) => {
-        await press(page, 5);
+        await press(page, 3);
         await page.screenshot({ path: kept(name) });
       });
     return [kept(name)];
@@ -201,7 +203,7 @@ const pictures = {
     if (!existsSync(file)) fail(`${file} is not there: make web-core`);
     const page = await browser.newPage({ viewport: { width: 1280, height: 720 }, colorScheme: 'dark' });
     page.setDefaultTimeout(0);
-    await page.goto(`${pathToFileURL(file).href}?safety.max_contact_age=60&safety.max_sensor_age=60&safety.max_device_silence=60`);
+    await page.goto(`${pathToFileURL(file).href}?view=camera&safety.max_contact_age=60&safety.max_sensor_age=60&safety.max_device_silence=60`);
     await until('the tool', () => page.evaluate(() => window.palpate?.sample && window.palpate.counters.contacts > 1));
     await press(page, 3);
     await page.screenshot({ path: kept(name) });
