@@ -78,11 +78,16 @@ sensor-figures: setup  ## presets by kind of sensor on recorded frames: make sen
 	cmake --build --preset bench -j $(JOBS) --target sensor_figures
 	build/bench/bin/sensor_figures $(DATA)
 
-pictures:  ## the pictures of README and guides, from real pages, into docs/pictures (needs chromium, node, ffmpeg)
+pictures: wheel  ## the pictures of README and guides, from their own runs, into docs/pictures (needs chromium, node, ffmpeg)
 	scripts/setup.sh --test
-	cmake --preset release
-	cmake --build --preset release -j $(JOBS) --target palpate
-	node web/make_pictures.mjs build/release/bin/palpate docs/pictures
+	scripts/setup.sh --web
+	$(call build_preset,release) --target palpate palpate_component_palpate
+	$(call build_preset,web)
+	node web/make_try.mjs build/web/bin/palpate.wasm build/web/try
+	[ -x build/python-pictures/bin/python ] || python3 -m venv build/python-pictures
+	build/python-pictures/bin/pip install -q build/wheels/palpate-*.whl matplotlib pyarrow
+	build/python-pictures/bin/pip install -q --force-reinstall --no-deps build/wheels/palpate-*.whl
+	PATH="$(CURDIR)/build/node/bin:$$PATH" node web/make_pictures.mjs build/release/bin/palpate docs/pictures
 
 simulator-pictures: wheel  ## the picture of docs/guide/simulators.md, into docs/pictures: MuJoCo, Newton, Drake, Isaac Teleop
 	[ -x build/python-simulators/bin/python ] || python3 -m venv build/python-simulators
@@ -179,7 +184,7 @@ large-inputs: setup  ## how long every reader takes for 100 MB, and how much mem
 
 peers-of-files: setup  ## files that trimesh, rosbags, mcap, yourdfpy and Open3D write in every variant, read as they read them
 	scripts/setup.sh --files
-	$(call build_preset,release) --target palpate
+	$(call build_preset,release) --target palpate palpate_component_palpate
 	build/python-files/bin/python tests/apps/file_peers.py $(CURDIR)/build/release/bin/palpate
 
 compile-times:  ## the longest steps of the last build and their shares: make compile-times [PRESET=release]

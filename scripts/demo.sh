@@ -75,5 +75,5 @@ for report in "${reports[@]}"; do
   echo "  $PWD/$report"
 done
 
-say "Your turn: hold the stylus yourself, with a mouse, a finger or a gamepad, in the page that this serves:"
-echo "  $palpate touch demo/stylus.palp --scene hand --device page -o demo/mine"
+say "Your turn: hold a pen yourself, with a mouse, a finger or a gamepad, in the page that this opens:"
+echo "  $palpate try"

@@ -56,6 +56,13 @@ if [ -f build/web/try/try.html ]; then
 else
   echo "docs: without the page Try it; make web-core makes it"
 fi
+if [ -f demo/hand/report.html ]; then
+  mkdir -p $out/pages/report
+  cp demo/hand/report.html $out/pages/report/index.html
+  sed -i '0,/^## /s##[**A report**: what a pen met on a hand, to turn and zoom](report/index.html){.md-button}\n\n## #' $out/pages/index.md
+else
+  echo "docs: without the report of the demo; make demo makes it"
+fi
 NO_MKDOCS_2_WARNING=1 $python/bin/mkdocs build --quiet --config-file mkdocs.yml
 cp -r $out/doxygen $out/site/
 echo "docs: open $PWD/$out/site/index.html"

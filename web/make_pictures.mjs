@@ -4,7 +4,8 @@
 //   node web/make_pictures.mjs PALPATE FOLDER [NAME ...]        (make pictures)
 //
 // The moving picture is a recording, looked at from moment to moment: so it is as smooth on a machine that draws in
-// software. ffmpeg makes WebP of all of them. For the same reason all runs have a simulated clock.
+// software. For the same reason runs have a simulated clock, but for those that a hand or a robot moves. Guides in Python
+// and C++ are drawn by tools/draw_guides.py. ffmpeg makes WebP of all of them.
 import { spawn, spawnSync } from 'node:child_process';
 import { existsSync, mkdtempSync, readFileSync, rmSync, statSync } from 'node:fs';
 import { createRequire } from 'node:module';
@@ -13,7 +14,7 @@ import { delimiter, dirname, join, resolve } from 'node:path';
 import { fileURLToPath, pathToFileURL } from 'node:url';
 
 const palpate = resolve(process.argv[2]), output = resolve(process.argv[3]), names = process.argv.slice(4);
-const guides = fileURLToPath(new URL('../docs/guide/', import.meta.url));
+const root = fileURLToPath(new URL('..', import.meta.url)), guides = join(root, 'docs/guide');
 const folder = mkdtempSync(join(tmpdir(), 'palpate-pictures-'));
 process.on('exit', () => rmSync(folder, { recursive: true }));
 
@@ -70,7 +71,7 @@ function ffmpeg(words) {
 /// A screenshot of the 3-D picture of a report, or of another part of it.
 async function report(page, { part = 'figure.picture .place', clicks = [], width = 960, height = 900 } = {}) {
   const view = await browser.newPage({ viewport: { width, height }, colorScheme: 'dark' });
-  view.setDefaultTimeout(0);
+  view.setDefaultTimeout(120000);
   await view.goto(pathToFileURL(join(folder, page)).href);
   await view.locator('footer').waitFor();
   await view.locator('canvas.scene').first().waitFor();
@@ -82,6 +83,25 @@ async function report(page, { part = 'figure.picture .place', clicks = [], width
   await at.screenshot({ path: shot });
   await view.close();
   return shot;
+}
+
+/// Holds the tool of a page in the view of the camera, pushes it by keys until it meets a force, N, and looks from beside.
+async function press(page, newtons) {
+  await page.addStyleTag({ content: '.banner, .hint { display: none !important; }' });
+  await page.keyboard.press('t');
+  const force = () => page.evaluate(() => Math.hypot(...['x', 'y', 'z'].map((axis) => window.palpate.sample[`force_${axis}`])));
+  await until(`${newtons} N`, async () => {
+    if (await force() > newtons) return true;
+    await page.keyboard.press('PageUp', { delay: 60 });
+    await sleep(200); // the hand is led there
+    return false;
+  });
+  for (let i = 0; i < 3; ++i) await page.keyboard.press('v'); // camera, from above, tool, free
+  await page.evaluate(() => {
+    Object.assign(window.palpate.governor ?? {}, { enabled: false, fine: true });
+    window.palpate.scene.resetView();
+  });
+  await sleep(10000); // it glides
 }
 
 /// Starts a command that serves a page, calls `look` with the page, and ends the command as Ctrl-C does.
@@ -147,7 +167,7 @@ const pictures = {
     shell('palpate touch pen.palp --scene hand -o pressed');
     const rate = 6, from = 2.8, to = 6.8, size = { width: 960, height: 540 };
     await viewed('pressed', 'plots=0&image=0&controls=0', size, async (page) => {
-      await page.addStyleTag({ content: '.legend, .dock, .timeline { display: none !important; }' });
+      await page.addStyleTag({ content: '.legend, .dock, .timeline, .badge, .rate, .link { display: none !important; }' });
       await seek(page, 4.4);
       await page.evaluate(() => window.palpate.scene.resetView());
       await page.mouse.move(0.5 * size.width, 0.5 * size.height);
@@ -163,9 +183,40 @@ const pictures = {
     return null;
   },
   async report() {
-    makePen();
-    shell('palpate touch pen.palp --scene hand --duration 5 -o reported');
-    return [await report('reported/report.html')];
+    shell(shown('first-touch', '-o probe.palp'));
+    shell(shown('first-touch', '-o first/', /depth-sequence/));
+    return [await report('first/report.html')];
+  },
+  async try(name) {
+    const limits = ['max_contact_age', 'max_sensor_age', 'max_device_silence', 'max_tick', 'energy_tank'].map((limit) => `${limit}=60`);
+    shell(`${shown('try-it', '-o mine', /--device page/)}\nprintf '%s\n' '[safety]' ${limits.join(' ')} > patient.toml`); // drawing in software is late
+    const words = shown('try-it', '-o mine').match(/palpate (touch .*)/)[1].split(' ');
+    await served([...words, '--settings', 'patient.toml', '--set', 'loop.thin_out=false', '--view-port', '0'], 'stride=2&view=camera',
+      { width: 1280, height: 720 }, async (page) => {
+        await press(page, 3);
+        await page.screenshot({ path: kept(name) });
+      });
+    return [kept(name)];
+  },
+  async browser(name) {
+    const file = join(root, 'build/web/try/try.html');
+    if (!existsSync(file)) fail(`${file} is not there: make web-core`);
+    const page = await browser.newPage({ viewport: { width: 1280, height: 720 }, colorScheme: 'dark' });
+    page.setDefaultTimeout(0);
+    await page.goto(`${pathToFileURL(file).href}?view=camera&safety.max_contact_age=60&safety.max_sensor_age=60&safety.max_device_silence=60`);
+    await until('the tool', () => page.evaluate(() => window.palpate?.sample && window.palpate.counters.contacts > 1));
+    await press(page, 3);
+    await page.screenshot({ path: kept(name) });
+    await page.close();
+    return [kept(name)];
+  },
+  async ros2() {
+    shell(shown('ros2', '-o gripper.palp'));
+    const robot = spawn(join(root, 'build/python/bin/python'), [join(root, 'tests/ros/cyclone_peer.py'), '77', 'good', '640x480'],
+      { stdio: ['pipe', 'ignore', 'ignore'] });
+    shell(shown('ros2', 'cyclone_peer.py', /setup.sh|peer.py|palpate view|kill/).replace('DOMAIN_ID=7', 'DOMAIN_ID=77'));
+    robot.stdin.end(); // which ends it
+    return [await report('palpate-ros2/report.html')];
   },
   async viewer() {
     shell(shown('viewer', '--view -o live1').replace('--device sim --duration 60 --view', '--coupling virtual --duration 4'));
@@ -194,8 +245,7 @@ const pictures = {
   },
   async memory() {
     shell(shown('memory', '-o remembered', /replay/));
-    const size = { width: 560, height: 900 };
-    return [await report('forgotten/report.html', size), await report('remembered/report.html', size)];
+    return [await report('memory.html', { part: 'figure.plot' })];
   },
   async robot() {
     shell(shown('robot', '-o without-robot', /replay/));
@@ -225,6 +275,16 @@ const pictures = {
     return [await report('times.html', { part: 'figure.plot' })];
   },
 };
+
+/// Those that tools/draw_guides.py draws, where the wheel is installed.
+for (const name of ['python', 'planning', 'robots', 'batches', 'library', 'gpu', 'alternatives']) {
+  pictures[name] = async () => {
+    const python = join(root, 'build/python-pictures/bin/python');
+    const { status, stderr } = spawnSync(python, [join(root, 'tools/draw_guides.py'), folder, name]);
+    if (status !== 0) fail(`${python} tools/draw_guides.py ${name} (make pictures installs what it needs)\n${stderr ?? ''}`);
+    return [kept(name)];
+  };
+}
 
 for (const [name, make] of Object.entries(pictures)) {
   const file = `${name}.webp`;

@@ -13,6 +13,7 @@
 #include "palpate/cameras/cameras.h"
 #include "palpate/io/files.h"
 #include "palpate/io/formats.h"
+#include "src/cameras/internal/plausibility.h"
 #include "src/cloud/internal/frame_limits.h"
 #include "src/core/internal/stamp.h"
 #include "src/field/internal/pinhole_cloud.h"
@@ -143,10 +144,13 @@ Result<FrozenViews> FrozenViews::read(const FrozenOptions& options, const RunSet
   const std::size_t num_unposed = options.depths.size() - options.X_WC.size();
   for (std::size_t i = 0; i < options.depths.size() && status; ++i) {
     const std::string& file = options.depths[i];
-    status =
-        add(from_frame(file, read_image(file, options.unit),
-                       options.intrinsics[options.intrinsics.size() > 1 ? i : 0], SensorKind::none),
-            i < num_unposed ? Pose{} : options.X_WC[i - num_unposed]);
+    const Intrinsics& intrinsics = options.intrinsics[options.intrinsics.size() > 1 ? i : 0];
+    const auto frame = read_image(file, options.unit);
+    const std::string doubt =
+        frame ? Plausibility().look(*frame, {frame->width, frame->height, intrinsics, {}}) : "";
+    if (!doubt.empty()) print_warning(file + ": " + doubt);
+    status = add(from_frame(file, frame, intrinsics, SensorKind::none),
+                 i < num_unposed ? Pose{} : options.X_WC[i - num_unposed]);
   }
   for (std::size_t i = 0; i < options.cameras.size() && status; ++i) {
     Intrinsics intrinsics;

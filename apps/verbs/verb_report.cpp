@@ -40,8 +40,8 @@ void add_report(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
   CLI::App& app =
       *program.add_subcommand("report", "Lay two runs over each other: one page for both.");
-  app.add_option("a", options->a, "folder of a run")->required()->type_name("RUN");
-  app.add_option("b", options->b, "folder of another, for example of its replay")
+  app.add_option("first_run", options->a, "folder of a run")->required()->type_name("RUN");
+  app.add_option("second_run", options->b, "folder of another, for example of its replay")
       ->required()
       ->type_name("RUN2");
   app.add_option("-o,--output", options->output, "the page")->required()->type_name("FILE.html");

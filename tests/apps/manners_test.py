@@ -188,6 +188,12 @@ class Manners(CommandLineCase):
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertIn("field of view of 7 degrees", result.stderr)
         self.assertNotIn("field of view", palpate(*self.sequence(*run)).stderr)
+        image = min(glob.glob(os.path.join(self.frames, "**/*.png"), recursive=True))
+        for intrinsics, is_doubted in (("1300,1300,79.5,59.5", True), (INTRINSICS, False)):
+            result = palpate("query", self.tool, "--depth", image, "--depth-unit", 0.0001, "--intrinsics", intrinsics,
+                             "--pose", "0 0 1 0 0 0 1")
+            self.assertEqual(result.returncode, 0, result.stderr)
+            self.assertEqual("field of view of 7 degrees" in result.stderr, is_doubted, result.stderr)
         camera = "scene:wall?pose=0,0,0.1,0,0,0,1"
         for verb in (("touch", self.tool, *run), ("query", self.tool, "--pose", "0 0 1 0 0 0 1")):
             twins = palpate(*verb, "--camera", camera, "--camera", camera)

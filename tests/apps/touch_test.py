@@ -137,7 +137,7 @@ class Touching(CommandLineCase):
         self.expect_failure(1, "report", one, other, "-o", os.path.join(one, "report.html"), mentions="another file")
         self.assertEqual(read(os.path.join(one, "report.html")), before)
         self.expect_failure(1, "report", one, self.path("nowhere"), "-o", both, mentions="not the folder of a run")
-        self.expect_failure(2, "report", one, "-o", both, mentions="b is required")
+        self.expect_failure(2, "report", one, "-o", both, mentions="second_run is required")
         for damage in ("", "<html></html>", before.replace('"kind":"run"', '"kind":"packing"'),
                        before[:before.index('id="data">') + 500], before.replace('"series":', '"series:', 1)):
             with open(os.path.join(same, "report.html"), "w") as file:

@@ -10,7 +10,7 @@
 #include <numbers>
 #include <string>
 
-#include "src/cameras/stream/plausibility.h"
+#include "src/cameras/internal/plausibility.h"
 #include "src/core/internal/monotonic_clock.h"
 #include "tests/cameras/conformance.h"
 #include "tests/cameras/small_camera.h"

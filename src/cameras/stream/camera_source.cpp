@@ -11,8 +11,8 @@
 #include <thread>
 #include <utility>
 
+#include "src/cameras/internal/plausibility.h"
 #include "src/cameras/stream/frame_intake.h"
-#include "src/cameras/stream/plausibility.h"
 #include "src/cloud/internal/frame_limits.h"
 #include "src/core/internal/bounded_call.h"
 #include "src/core/internal/guarded.h"

@@ -1,4 +1,4 @@
-#include "src/cameras/stream/plausibility.h"
+#include "src/cameras/internal/plausibility.h"
 
 #include <algorithm>
 #include <cmath>

@@ -4,7 +4,7 @@
 #include <array>
 #include <string>
 
-#include "src/cameras/stream/rectifier.h"
+#include "src/cloud/internal/lens_table.h"
 
 namespace palpate { inline namespace v0 {
 
