@@ -80,12 +80,9 @@ sensor-figures: setup  ## presets by kind of sensor on recorded frames: make sen
 
 pictures: wheel  ## the pictures of README and guides, from their own runs, into docs/pictures (needs chromium, node, ffmpeg)
 	scripts/setup.sh --test
-	scripts/setup.sh --web
 	$(call build_preset,release) --target palpate palpate_component_palpate
-	$(call build_preset,web)
-	node web/make_try.mjs build/web/bin/palpate.wasm build/web/try
 	[ -x build/python-pictures/bin/python ] || python3 -m venv build/python-pictures
-	build/python-pictures/bin/pip install -q build/wheels/palpate-*.whl matplotlib pyarrow
+	build/python-pictures/bin/pip install -q build/wheels/palpate-*.whl matplotlib
 	build/python-pictures/bin/pip install -q --force-reinstall --no-deps build/wheels/palpate-*.whl
 	PATH="$(CURDIR)/build/node/bin:$$PATH" node web/make_pictures.mjs build/release/bin/palpate docs/pictures
 

@@ -3,7 +3,7 @@
 
 usage: PYTHON tools/draw_guides.py FOLDER [NAME ...]
 
-PYTHON has the wheel of `make wheel` (it calls this in `make pictures`), matplotlib and pyarrow. `library` takes what
+PYTHON has the wheel of `make wheel` (it calls this in `make pictures`), and matplotlib. `library` takes what
 build/release holds.
 """
 
@@ -107,12 +107,6 @@ def robots(_):
     return figure
 
 
-def batches(folder):
-    """Runs the example of the page with a million poses; it draws by itself."""
-    subprocess.run([sys.executable, ROOT / "examples/candidate_poses.py", "--poses", "1e6"], cwd=folder, check=True)
-    return folder / "candidate_poses.png"
-
-
 LIBRARY = """#include <cstdio>
 #include <vector>
 {include}
@@ -192,7 +186,7 @@ def alternatives(_):
     return figure
 
 
-PICTURES = {draw.__name__: draw for draw in (python, planning, robots, batches, library, gpu, alternatives)}
+PICTURES = {draw.__name__: draw for draw in (python, planning, robots, library, gpu, alternatives)}
 
 
 def main():
@@ -201,10 +195,7 @@ def main():
         with tempfile.TemporaryDirectory() as temporary, pyplot.style.context(["dark_background", LOOK]), chdir(temporary):
             bring(Path(temporary))
             drawn = PICTURES[name](Path(temporary))
-            if isinstance(drawn, Path):
-                (output / f"{name}.png").write_bytes(drawn.read_bytes())
-            else:
-                drawn.savefig(output / f"{name}.png", dpi=90)
+            drawn.savefig(output / f"{name}.png", dpi=90)
         print(f"{name}.png")
 
 
