@@ -20,7 +20,7 @@ rm -rf "$raw"
 # As CMake calls them everywhere else: so the compiler cache knows what it has compiled before.
 export CC=${CC:-cc} CXX=${CXX:-c++}
 options=() built=build/wheel
-for option in -DPALPATE_BUILT= "$@"; do  # not that of an earlier time
+for option in -DPALPATE_BUILT= -DPALPATE_CUDA=OFF "$@"; do  # not that of an earlier time
   options+=(-C "cmake.args=$option")
   case "$option" in -DPALPATE_BUILT=?*) built=${option#*=} ;; esac
 done

@@ -58,6 +58,10 @@ std::string assumption(const DepthFieldOptions& field) {
          (is_blocked                             ? "occupied"
           : field.unknown == UnknownSpace::solid ? "the surface around them"
                                                  : "free") +
+         (field.fill_levels > 0 ? ", holes of up to about " +
+                                      std::to_string(1 << field.fill_levels) +
+                                      " pixels as the surface at their border"
+                                : "") +
          ", space behind surfaces as " +
          (field.unseen == UnseenSpace::solid
               ? "occupied"
@@ -110,7 +114,7 @@ class Guard {
     for (double next = start; !interrupted() && next < end;) {
       next = std::max(next + period, monotonic_now());
       sleep_until(next);
-      publish(answer(monotonic_now()));
+      publish(answer());
       scene_.print_notes();
     }
     RosGuard last;
@@ -120,12 +124,10 @@ class Guard {
   }
 
  private:
-  /// Returns the guard at a time, s: without numbers unless it is valid.
-  RosGuard answer(double time) {
+  /// Returns the guard of the newest scene: without numbers unless it is valid.
+  RosGuard answer() {
     RosGuard guard;
-    const auto joints = joints_->known_at(time);
     scene_.with_newest([&](const Scene& scene, double captured, const std::string& ending) {
-      const double age = time - captured;
       const auto refuse = [&](State state, const std::string& why) {
         guard = {};
         guard.state = state;
@@ -133,19 +135,45 @@ class Guard {
       };
       if (!ending.empty()) return refuse(State::failed, ending);
       if (scene.surfaces.empty()) return refuse(State::stale, "nothing has been measured yet");
+      const auto joints = joints_->known_at(monotonic_now());
       if (!joints) {  // without which images are dropped, too
         refuse(State::stale, joints.error().message);
-      } else if (!(age <= touch_.ros.max_age)) {
-        refuse(State::stale, "the depth image is " + number_text(1e3 * age, 3) + " ms old");
-      } else if (const Status status = measure(scene, *joints, guard); !status) {
+      } else if (Status status = measure(scene, *joints, guard); !status) {
         refuse(State::failed, status.error().message);
+      }
+      // All may have aged while the answer was found.
+      const double now = monotonic_now(), age = now - captured;
+      if (guard.state == State::valid) {
+        if (const auto still = joints_->known_at(now); !still) {
+          refuse(State::stale, still.error().message);
+        } else if (!(age <= touch_.ros.max_age)) {
+          refuse(State::stale, "the depth image is " + number_text(1e3 * age, 3) + " ms old");
+        }
       }
       guard.depth_age = age;
     });
     return guard;
   }
 
+  /// Errors: the joint that is farther beyond its limits than an encoder errs: a robot is measured
+  /// within its limits.
+  Status check_limits(const std::vector<double>& joints) const {
+    constexpr double kEncoderError = 0.01;  // rad or m
+    for (std::size_t i = 0; i < joints.size(); ++i) {
+      const Robot::Joint& joint = robot_.joints()[i];
+      if (joints[i] >= joint.lower - kEncoderError && joints[i] <= joint.upper + kEncoderError) {
+        continue;
+      }
+      return Error{Errc::unavailable,
+                   "joint " + joint.name + " is at " + number_text(joints[i], 4) +
+                       ", beyond its limits of " + number_text(joint.lower, 4) + " and " +
+                       number_text(joint.upper, 4) + ": correct them in the URDF"};
+    }
+    return Done{};
+  }
+
   Status measure(const Scene& scene, const std::vector<double>& joints, RosGuard& guard) {
+    if (const Status status = check_limits(joints); !status) return status;
     std::int32_t link = -1;
     std::uint8_t is_held = 0;
     RobotAnswers answers;
@@ -263,6 +291,15 @@ void check_guard(const CLI::App& app, const TouchOptions& touch) {
     }
     usage_error("ros2: " + flag + " is for a tool; without a TOOL.palp leave it out");
   }
+  for (const std::string& word : app["--set"]->results()) {
+    const std::string key = word.substr(0, word.find('='));
+    const std::string table = key.substr(0, key.find('.'));
+    if (table == "surface" || table == "field" || table == "robot" || key == "loop.threads") {
+      continue;
+    }
+    usage_error("ros2: --set " + key + " is for a tool; a whole robot has settings of surface, " +
+                "field and robot, and loop.threads");
+  }
   if (touch.robot.files.joints.find("world=") != std::string::npos) {
     usage_error("ros2: a whole robot needs positions of its joints, not tf: --joints ros2:/TOPIC");
   }
@@ -271,6 +308,10 @@ void check_guard(const CLI::App& app, const TouchOptions& touch) {
 Status run_guard(const TouchOptions& touch, const GuardOptions& given) {
   catch_interrupts();
   const RobotFiles& files = touch.robot.files;
+  if (!Robot::is_urdf(files.robot) && !files.skip.empty()) {
+    return Error{Errc::invalid_argument,
+                 files.robot + " is packed already: give --robot-skip to palpate pack --robot"};
+  }
   RobotPacking packing;
   packing.geometry = touch.robot.filter.geometry;
   packing.skip = files.skip;
@@ -280,6 +321,10 @@ Status run_guard(const TouchOptions& touch, const GuardOptions& given) {
   for (const std::string& note : robot->notes()) print_warning(note);
   GuardOptions options = given;
   if (!options.margin) options.margin = robot->standoff() + 0.01;
+  if (*options.margin < robot->standoff()) {
+    print_warning("--margin is below the robot's standoff of " + number_text(robot->standoff(), 4) +
+                  " m, by which its surface may be before its spheres: it may touch before it stops");
+  }
   if (!(*options.margin < options.slow_from)) {
     return Error{Errc::invalid_argument,
                  "--slow-from " + number_text(options.slow_from, 4) +
@@ -288,8 +333,13 @@ Status run_guard(const TouchOptions& touch, const GuardOptions& given) {
                      "with a smaller --standoff"};
   }
   Pose X_WB;
-  if (!files.pose.empty()) {
-    const auto pose = parse_pose(files.pose);
+  if (files.pose.empty()) {
+    print_note("the base of the robot is taken to be at the frame of --world; else give "
+               "--robot-pose");
+  } else {
+    std::string blanks = files.pose;
+    std::ranges::replace(blanks, ',', ' ');
+    const auto pose = parse_pose(blanks);
     if (!pose) return Error{pose.error().code, "--robot-pose: " + pose.error().message};
     X_WB = *pose;
   }

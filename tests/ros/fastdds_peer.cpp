@@ -418,12 +418,12 @@ int main(int argc, char** argv) {
       if (is_cloud) {
         set_stamp(cloud, stamp);
         clouds->write(&cloud);
-        continue;
+      } else {
+        std::string info = palpate::camera_info_message({stamp, "camera"}, stream);
+        std::string image = palpate::image_message({stamp, "camera"}, frame);
+        infos->write(&info);
+        images->write(&image);
       }
-      std::string info = palpate::camera_info_message({stamp, "camera"}, stream);
-      std::string image = palpate::image_message({stamp, "camera"}, frame);
-      infos->write(&info);
-      images->write(&image);
     } else if (time >= next_image) {
       next_image = std::max(next_image + 1 / rate, time - std::max(1 / rate, 0.05));
       const bool is_contact = num_images / std::max(1, static_cast<int>(rate / 4)) % 2 == 1;
@@ -450,7 +450,8 @@ int main(int argc, char** argv) {
   // The last word may still be on its way.
   const std::string end = "the run has ended";
   for (int k = 0; k < 1000 && ((is_arm && !contacts.has_newest_with(end)) ||
-                               (has_joints && !guards.has_newest_with(end)));
+                               (has_joints && (!guards.has_newest_with(end) ||
+                                               scales.num() < guards.num())));
        ++k)
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   listener.print(num_images, dropper.num(),

@@ -88,7 +88,18 @@ class GuardTest(PeerCase):
             self.assertEqual((each.scale, each.clearance, len(each.rows)), (0, 0, 0))
         self.assertEqual(scales[-1], 0)
         for text in (guards[0].assumes, said):
-            self.assertIn("pixels without depth count as free, space behind surfaces as occupied", text)
+            self.assertIn("pixels without depth count as free, holes of up to about 16 pixels as the surface at their border, "
+                          "space behind surfaces as occupied", text)
+
+    def test_a_joint_beyond_its_limits_stops_the_arm(self):
+        short = os.path.join(self.folder.name, "short.urdf")
+        with open(short, "w", encoding="ascii") as file:
+            file.write(URDF.replace('upper="0.3"', 'upper="0.05"'))
+        guards, _, scales, said = self.guard(short)
+        beyond = [each for each in guards if each.state == 2 and "joint slide is at 0.1, beyond its limits" in each.reason]
+        self.assertGreater(len(beyond), 20, said)
+        self.assertEqual({each.state for each in guards} - {1, 2}, set())
+        self.assertEqual(set(scales), {0})
 
     def test_a_urdf_is_packed_first_and_unseen_space_may_be_blocked(self):
         guards, _, scales, said = self.guard(self.urdf, "--unknown", "blocked", "--fill-levels", "0")
@@ -104,11 +115,13 @@ class GuardTest(PeerCase):
         wrong = [(["ros2", "--depth", "/d"], 2, "give a TOOL.palp, or --robot"),
                  (["ros2", "--depth", "/d", "--robot", self.packed], 2, "--robot needs the pose of its base"),
                  (self.words(self.packed, "--pose", "/p"), 2, "--pose is for a tool"),
+                 (self.words(self.packed, "--set", "time.average=kalman"), 2, "--set time.average is for a tool"),
                  (self.words(self.packed, "--joints", "ros2:?world=base"), 2, "positions of its joints, not tf"),
                  (["ros2", self.tool, "--depth", "/d", "--pose", "/p", "--margin", "0.1"], 2, "--margin is for a robot without"),
                  (self.words(self.tool), 1, "is a tool, not a robot"),
                  (self.words(os.path.join(self.folder.name, "none.palprobot")), 1, "none.palprobot"),
                  (self.words(self.packed, "--margin", "0.1"), 1, "--slow-from 0.1 is not above the margin of 0.1 m"),
+                 (self.words(self.packed, "--robot-skip", "hand"), 1, "is packed already: give --robot-skip to palpate pack"),
                  (self.words(self.urdf, "--robot-skip", "hnad"), 1, "no link 'hnad'; the nearest one is 'hand'")]
         for words, status, text in wrong:
             with self.subTest(text):

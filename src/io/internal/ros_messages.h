@@ -110,7 +110,7 @@ std::string ros_contact_message(const RosHeader& header, const RosContact& conta
 /// velocities v keep to row . v <= bound, for each row.
 struct RosGuard {
   RosContact::State state = RosContact::State::valid;
-  std::string reason;    ///< why it is not valid: then all numbers are 0, and there are no rows
+  std::string reason;    ///< why it is not valid: then all but depth_age is 0, without rows
   std::string assumes;   ///< what counts where no camera has seen anything
   double clearance = 0;  ///< m: least of all links
   std::string link;      ///< that has it; empty: it is farther than cameras are asked
