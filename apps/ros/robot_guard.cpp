@@ -58,10 +58,10 @@ std::string assumption(const DepthFieldOptions& field) {
          (is_blocked                             ? "occupied"
           : field.unknown == UnknownSpace::solid ? "the surface around them"
                                                  : "free") +
-         (field.fill_levels > 0 ? ", holes of up to about " +
-                                      std::to_string(1 << field.fill_levels) +
-                                      " pixels as the surface at their border"
-                                : "") +
+         (field.fill_levels > 0
+              ? ", holes of up to about " + std::to_string(1 << field.fill_levels) +
+                    " pixels as the surface at their border"
+              : "") +
          ", space behind surfaces as " +
          (field.unseen == UnseenSpace::solid
               ? "occupied"
@@ -322,8 +322,9 @@ Status run_guard(const TouchOptions& touch, const GuardOptions& given) {
   GuardOptions options = given;
   if (!options.margin) options.margin = robot->standoff() + 0.01;
   if (*options.margin < robot->standoff()) {
-    print_warning("--margin is below the robot's standoff of " + number_text(robot->standoff(), 4) +
-                  " m, by which its surface may be before its spheres: it may touch before it stops");
+    print_warning(
+        "--margin is below the robot's standoff of " + number_text(robot->standoff(), 4) +
+        " m, by which its surface may be before its spheres: it may touch before it stops");
   }
   if (!(*options.margin < options.slow_from)) {
     return Error{Errc::invalid_argument,
@@ -334,8 +335,9 @@ Status run_guard(const TouchOptions& touch, const GuardOptions& given) {
   }
   Pose X_WB;
   if (files.pose.empty()) {
-    print_note("the base of the robot is taken to be at the frame of --world; else give "
-               "--robot-pose");
+    print_note(
+        "the base of the robot is taken to be at the frame of --world; else give "
+        "--robot-pose");
   } else {
     std::string blanks = files.pose;
     std::ranges::replace(blanks, ',', ' ');

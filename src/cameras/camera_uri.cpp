@@ -184,7 +184,6 @@ Result<CameraUri> parse_camera_uri(std::string_view text) {
 }
 
 Result<std::vector<CameraUri>> parse_camera_uris(std::span<const std::string> texts) {
-  constexpr std::string_view kRound = "look=round";
   std::vector<CameraUri> cameras;
   for (const std::string& text : texts) {
     auto parsed = parse_camera_uri(text);
@@ -197,7 +196,8 @@ Result<std::vector<CameraUri>> parse_camera_uris(std::span<const std::string> te
     for (const char* const way : {"1,0,0", "0,1,0", "-1,0,0", "0,-1,0"}) {
       look->second = way;
       parsed->text = text;
-      parsed->text.replace(text.rfind(kRound), kRound.size(), std::string("look=") + way);
+      const std::size_t at = std::min(text.find("?look=round"), text.find("&look=round")) + 1;
+      parsed->text.replace(at, std::string_view("look=round").size(), std::string("look=") + way);
       cameras.push_back(*parsed);
     }
   }

@@ -449,9 +449,9 @@ int main(int argc, char** argv) {
   }
   // The last word may still be on its way.
   const std::string end = "the run has ended";
-  for (int k = 0; k < 1000 && ((is_arm && !contacts.has_newest_with(end)) ||
-                               (has_joints && (!guards.has_newest_with(end) ||
-                                               scales.num() < guards.num())));
+  for (int k = 0;
+       k < 1000 && ((is_arm && !contacts.has_newest_with(end)) ||
+                    (has_joints && (!guards.has_newest_with(end) || scales.num() < guards.num())));
        ++k)
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   listener.print(num_images, dropper.num(),

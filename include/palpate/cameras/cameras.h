@@ -103,8 +103,9 @@ Result<std::unique_ptr<DepthSource>> open_camera(std::string_view uri,
                                                  const CameraOpening& opening = {});
 Result<std::unique_ptr<DepthSource>> open_camera(const CameraUri& uri,
                                                  const CameraOpening& opening = {});
-/// Pose of the images' camera C in the frame F of clouds that are projected, whose pose the URI
-/// says, of a stream of open_camera: C has no lens and no sensor. None: C is that of a camera.
+/// Returns the pose of the images' camera C in the frame F of clouds that are projected, whose pose
+/// the URI says, of a stream of open_camera: C has no lens and no sensor. None: C is that of a
+/// camera.
 std::optional<Pose> projection_of(const DepthSource& camera);
 /// X_WC of a static camera, from its pose or URDF. None: it moves, or tf defines it; does not read
 /// joint states. Errors: of its files.

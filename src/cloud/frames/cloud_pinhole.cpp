@@ -36,8 +36,8 @@ struct PinholeAxis {
   double fitted = 0, mean_slope = 0, middle = 0;  // focal, and a point of the line: slope, pixel
 };
 
-/// Numbers near one: with few decimals first, of single precision, as drivers have them, and with
-/// up to 6 decimals.
+/// Returns numbers near one: with few decimals first, of single precision, as drivers have them,
+/// and with up to 6 decimals.
 std::array<double, 9> rounded(double value) {
   const auto with = [&](double parts) { return std::round(value * parts) / parts; };
   return {with(1),
@@ -51,7 +51,7 @@ std::array<double, 9> rounded(double value) {
           with(1e6)};
 }
 
-/// The first of these within the tolerance; none: the value itself.
+/// Returns the first of these within the tolerance; none: the value itself.
 double roundest(double value, double tolerance) {
   for (const double near : rounded(value)) {
     if (std::abs(near - value) <= tolerance) return near;
@@ -80,7 +80,7 @@ std::optional<PinholeAxis> solve(const LineFit& f) {
   return axis;
 }
 
-/// The depth of a point: before it was narrowed to single precision, if its unit is known.
+/// Returns the depth of a point: before it was narrowed to single precision, if its unit is known.
 double unrounded_depth(const Vec3f& p, const std::optional<double>& unit) {
   return unit ? *unit * std::round(double(p.z) / *unit) : double(p.z);
 }
@@ -168,7 +168,7 @@ double pixel_side(const PointsView& cloud, const Quaternion& R_FC, double widest
   }
 }
 
-/// The rotation of a camera that looks along `axis`, upright in a frame whose z is up.
+/// Returns the rotation of a camera that looks along `axis`, upright in a frame whose z is up.
 Quaternion looking(const Vec3d& axis) {
   constexpr Quaternion kAlongX{-0.5, 0.5, -0.5, 0.5};
   const Vec3d way = normalized(axis);
@@ -298,7 +298,15 @@ Result<CloudCamera> CloudCamera::create(const PointsView& first,
                    "one, in the frame of the cloud"};
     }
   }
-  if (seen.num == 0) return Error{Errc::bad_input, "a cloud has no points where its image looks"};
+  if (seen.num == 0) {
+    return Error{Errc::bad_input,
+                 "a cloud has no points where its image looks; give ?look=x,y,z for each direction "
+                 "that it sees"};
+  }
+  if (options.look) {  // what comes later may be anywhere beside
+    seen.left = -kWidestLook;
+    seen.right = kWidestLook;
+  }
   camera.unit_ = options.unit.value_or(unit_for(first, camera.X_FC_.rotation));
   const double width = seen.right - seen.left, height = seen.bottom - seen.top;
   CameraModel& made = camera.model_;
@@ -311,6 +319,7 @@ Result<CloudCamera> CloudCamera::create(const PointsView& first,
       made.width = side(k.cx, kMaxImageWidth);
       made.height = side(k.cy, kMaxImageHeight);
     }
+    camera.is_projected_ = !camera.is_image_of(first);
     return camera;
   }
   double pixel = 0;

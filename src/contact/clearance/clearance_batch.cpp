@@ -62,8 +62,8 @@ class ClearanceBatchCpu final : public ClearanceBatch {
   }
 
  private:
-  /// From the last pose on, as the hand of an arm is nearer than its base. Poses only have to beat
-  /// those of their group that the same thread has measured just before.
+  /// Measures from the last pose on, as the hand of an arm is nearer than its base. Poses only have
+  /// to beat those of their group that the same thread has measured just before.
   void measure_groups(const ScenePoses& poses, double limit, const Put& put) {
     struct Least {
       std::size_t group = SIZE_MAX;
