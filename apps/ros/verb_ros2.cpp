@@ -77,8 +77,7 @@ void add_ros2(CLI::App& program, Action& action) {
   touch.recording.keep_seconds = 60;
   CLI::App& app = *program.add_subcommand(
       "ros2",
-      "Be a node of ROS 2: depth images and the tool's pose in, the wrench of contact out; or with "
-      "--robot and no tool, joint states in, the clearance of the whole robot out.");
+      "Be a node of ROS 2: depth images and poses in, a wrench or a robot's clearance out.");
   app.add_option("tool", touch.tool, "tool file; none: all of --robot")->type_name("TOOL.palp");
   app.add_option("--depth", options->depths,
                  "depth images: Image, .../compressedDepth, or PNG of .../compressed; or clouds: "
