@@ -102,7 +102,7 @@ class SceneBatchCuda final : public SceneBatch {
                             pair.field_b->layout().origin});
     }
     if (!memory.status()) return memory.status().error();
-    return made;
+    return Result<PairsOnGpu>(std::move(made));  // nvcc copies what is named
   }
 
   template <int kMaxViews>
