@@ -35,8 +35,8 @@ struct PinholeAxis {
   double fitted = 0, mean_slope = 0, middle = 0;  // focal, and a point of the line: slope, pixel
 };
 
-/// Numbers within `reach` of one: with few decimals first, then of single precision, as drivers
-/// have them, then with up to 6 decimals.
+/// Returns numbers within `reach` of one: with few decimals first, then of single precision, as
+/// drivers have them, then with up to 6 decimals.
 std::vector<double> numbers_near(double value, double reach) {
   std::vector<double> all;
   const auto add_with = [&](double parts) {
@@ -54,7 +54,7 @@ std::vector<double> numbers_near(double value, double reach) {
   return all;
 }
 
-/// The number with the fewest decimals within the tolerance.
+/// Returns the number with the fewest decimals within the tolerance.
 double roundest(double value, double tolerance) {
   for (const double parts : {1.0, 2.0, 10.0, 100.0, 1e3, 1e4, 1e5}) {
     const double rounded = std::round(value * parts) / parts;
@@ -84,8 +84,8 @@ std::optional<PinholeAxis> solve(const LineFit& f) {
   return axis;
 }
 
-/// Returns the depth of a point: before it was narrowed to single precision, if it is a multiple of the
-/// unit.
+/// Returns the depth of a point: before it was narrowed to single precision, if it is a multiple of
+/// the unit.
 double unrounded_depth(const Vec3f& p, const std::optional<double>& unit) {
   const double counted = unit ? *unit * std::round(double(p.z) / *unit) : 0;
   return static_cast<float>(counted) == p.z ? counted : double(p.z);
