@@ -1,6 +1,5 @@
 // The camera of a cloud: recovered where the cloud is an image, else chosen by its density.
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <string>
@@ -36,25 +35,30 @@ struct PinholeAxis {
   double fitted = 0, mean_slope = 0, middle = 0;  // focal, and a point of the line: slope, pixel
 };
 
-/// Numbers near one: with few decimals first, of single precision, as drivers have them, and with
-/// up to 6 decimals.
-std::array<double, 9> rounded(double value) {
-  const auto with = [&](double parts) { return std::round(value * parts) / parts; };
-  return {with(1),
-          with(2),
-          with(10),
-          with(100),
-          with(1e3),
-          with(1e4),
-          static_cast<double>(static_cast<float>(value)),
-          with(1e5),
-          with(1e6)};
+/// Numbers within `reach` of one: with few decimals first, then of single precision, as drivers
+/// have them, then with up to 6 decimals.
+std::vector<double> numbers_near(double value, double reach) {
+  std::vector<double> all;
+  const auto add_with = [&](double parts) {
+    for (double k = std::ceil((value - reach) * parts); k <= (value + reach) * parts; ++k) {
+      all.push_back(k / parts);
+    }
+  };
+  for (const double parts : {1.0, 2.0, 10.0, 100.0, 1e3, 1e4}) add_with(parts);
+  const auto middle = static_cast<float>(value);
+  for (const float single :
+       {middle, std::nextafter(middle, -INFINITY), std::nextafter(middle, INFINITY)}) {
+    if (std::abs(double(single) - value) <= reach) all.push_back(double(single));
+  }
+  for (const double parts : {1e5, 1e6}) add_with(parts);
+  return all;
 }
 
-/// The first of these within the tolerance; none: the value itself.
+/// The number with the fewest decimals within the tolerance.
 double roundest(double value, double tolerance) {
-  for (const double near : rounded(value)) {
-    if (std::abs(near - value) <= tolerance) return near;
+  for (const double parts : {1.0, 2.0, 10.0, 100.0, 1e3, 1e4, 1e5}) {
+    const double rounded = std::round(value * parts) / parts;
+    if (std::abs(rounded - value) <= tolerance) return rounded;
   }
   return value;
 }
@@ -80,9 +84,11 @@ std::optional<PinholeAxis> solve(const LineFit& f) {
   return axis;
 }
 
-/// The depth of a point: before it was narrowed to single precision, if its unit is known.
+/// The depth of a point: before it was narrowed to single precision, if it is a multiple of the
+/// unit.
 double unrounded_depth(const Vec3f& p, const std::optional<double>& unit) {
-  return unit ? *unit * std::round(double(p.z) / *unit) : double(p.z);
+  const double counted = unit ? *unit * std::round(double(p.z) / *unit) : 0;
+  return static_cast<float>(counted) == p.z ? counted : double(p.z);
 }
 
 /// Takes the roundest numbers near the fit that give 99 % of the points to the bit, if there are
@@ -90,12 +96,12 @@ double unrounded_depth(const Vec3f& p, const std::optional<double>& unit) {
 void make_exact(const PointsView& cloud, const std::optional<double>& unit, int axis_number,
                 PinholeAxis& axis) {
   constexpr double kNear = 1e-5;  // pixels
-  constexpr std::size_t kNumSamples = 1000;
+  constexpr std::size_t kNumSamples = 1000, kMaxOff = kNumSamples / 100;
   const std::size_t step = cloud.points.size() / kNumSamples + 1;
   const auto width = static_cast<std::size_t>(cloud.width);
   const auto gives_points = [&](double focal, double center) {
     std::size_t num = 0, num_off = 0;
-    for (std::size_t i = 0; i < cloud.points.size(); i += step) {
+    for (std::size_t i = 0; i < cloud.points.size() && num_off <= kMaxOff; i += step) {
       const Vec3f& p = cloud.points[i];
       if (!is_in_front(p)) continue;
       const auto at = static_cast<double>(axis_number == 0 ? i % width : i / width);
@@ -105,11 +111,10 @@ void make_exact(const PointsView& cloud, const std::optional<double>& unit, int 
     }
     return 100 * num_off <= num;
   };
-  for (const double focal : rounded(axis.fitted)) {
-    if (std::abs(focal - axis.fitted) > kNear) continue;
+  for (const double focal : numbers_near(axis.fitted, kNear)) {
     const double fitted = axis.middle - focal * axis.mean_slope;
-    for (const double center : rounded(fitted)) {
-      if (std::abs(center - fitted) > kNear || !gives_points(focal, center)) continue;
+    for (const double center : numbers_near(fitted, kNear)) {
+      if (!gives_points(focal, center)) continue;
       axis.focal = focal;
       axis.center = center;
       return;
@@ -209,7 +214,7 @@ std::optional<Intrinsics> pinhole_of(const PointsView& cloud) {
       cloud.height > kMaxImageHeight) {
     return {};
   }
-  const auto unit = unit_of(cloud);
+  const auto unit = unit_of(cloud, 1);
   LineFit across, down;
   for (int v = 0; v < cloud.height; ++v) {
     for (int u = 0; u < cloud.width; ++u) {
@@ -230,9 +235,8 @@ std::optional<Intrinsics> pinhole_of(const PointsView& cloud) {
   return Intrinsics{x->focal, y->focal, x->center, y->center};
 }
 
-std::optional<double> unit_of(const PointsView& cloud) {
+std::optional<double> unit_of(const PointsView& cloud, std::ptrdiff_t min_counts) {
   constexpr double kTolerance = 0.02;  // counts
-  constexpr std::ptrdiff_t kMinCounts = 32;
   std::vector<bool> is_there;
   for (const double unit : {0.001, 0.0005, 0.00025, 0.0002, 0.000125, 0.0001}) {
     is_there.assign(std::size_t{kFarCount}, false);
@@ -245,7 +249,7 @@ std::optional<double> unit_of(const PointsView& cloud) {
     };
     // A few depths, as of a wall, may be multiples of anything.
     if (std::ranges::all_of(cloud.points, is_counted) &&
-        std::ranges::count(is_there, true) >= kMinCounts) {
+        std::ranges::count(is_there, true) >= min_counts) {
       return unit;
     }
   }

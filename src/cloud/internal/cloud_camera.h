@@ -40,8 +40,8 @@ struct CloudPoints {
 /// None: not organized, too few points, or they are off their rays by 0.2 pixels (rms) or more.
 std::optional<Intrinsics> pinhole_of(const PointsView& cloud);
 /// Finds the unit (m) of which the depth of all points is a multiple: usual units from a millimeter
-/// down to 0.1 mm. None: the depth was not counted so, or it has fewer than 32 different counts.
-std::optional<double> unit_of(const PointsView& cloud);
+/// down to 0.1 mm. None: the depth was not counted so, or it has fewer different counts.
+std::optional<double> unit_of(const PointsView& cloud, std::ptrdiff_t min_counts = 8);
 
 /// Parameters that replace what the first cloud of a stream says.
 struct CloudCameraOptions {
