@@ -264,7 +264,7 @@ class Formats(CameraCase):
             self.expect_same(f"same camera {kind} {layout}", f"{self.write_points(kind, 'loose', layout)}?{same}")
 
     def test_clouds_in_any_order(self):
-        """By a camera of their own: within 1 % of the volume, on a ball, which is smooth over pixels."""
+        """Their own camera is within 1 % of the volume on a ball, which is smooth over pixels."""
         self.size = 320, 240
         ball = self.folder / "ball.mcap"
         self.frames, self.lens = self.recorded(
