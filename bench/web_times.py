@@ -36,9 +36,8 @@ for num in (1000, 5000):
         contact, scene, byref(pose), byref(measure), byref(error))
 
 
-
 def ellipsoid(n):
-    """Corners and triangles, 4 n (n - 1), of a closed ellipsoid of 6 cm."""
+    """Returns corners and triangles, 4 n (n - 1), of a closed ellipsoid of 6 cm."""
     corners = [(0, 0, 0.012)]
     for i in range(1, n):
         s, c = math.sin(math.pi * i / n), math.cos(math.pi * i / n)

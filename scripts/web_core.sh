@@ -13,9 +13,9 @@ fi
 package=$build/package
 rm -rf "$package"
 mkdir -p "$package"
-node web/node_modules/typescript/bin/tsc --target ES2022 --module ESNext --lib ES2022,DOM --strict --declaration \
+node web/node_modules/typescript/bin/tsc --target ES2022 --module ESNext --moduleResolution bundler --lib ES2022,DOM --strict --declaration \
   --outDir "$package" web/core/palpate.ts
-cp web/core/package.json LICENSE "$build/bin/palpate.wasm" "$package"
+cp web/core/package.json LICENSE THIRD_PARTY.md "$build/bin/palpate.wasm" "$package"
 node web/make_try.mjs "$build/bin/palpate.wasm" "$build/try"
 failed=0
 python=build/python-web/bin/python

@@ -115,9 +115,10 @@ def spdx_document(version):
                 "filesAnalyzed": False}
 
     palpate = package("palpate", version, "Apache-2.0", "NOASSERTION", "the authors of Palpate")
+    parties = [p for p in PARTIES if p["how"] != "web"]  # palpate.wasm is no part of that package
     others = [package(p["name"], version_of(p), p["spdx"], p["url"],
-                      "; ".join("Copyright " + c for c in p["copyright"])) for p in PARTIES]
-    kinds = {"page": "CONTAINS", "headers": "CONTAINS", "web": "CONTAINS", "module": "CONTAINS", "linked": "DYNAMIC_LINK"}
+                      "; ".join("Copyright " + c for c in p["copyright"])) for p in parties]
+    kinds = {"page": "CONTAINS", "headers": "CONTAINS", "module": "CONTAINS", "linked": "DYNAMIC_LINK"}
     return {
         "spdxVersion": "SPDX-2.3", "dataLicense": "CC0-1.0", "SPDXID": "SPDXRef-DOCUMENT",
         "name": f"palpate-{version}", "documentNamespace": f"https://spdx.org/spdxdocs/palpate-{version}",
@@ -126,7 +127,7 @@ def spdx_document(version):
         "relationships": [{"spdxElementId": "SPDXRef-DOCUMENT", "relationshipType": "DESCRIBES",
                            "relatedSpdxElement": palpate["SPDXID"]}] +
                          [{"spdxElementId": palpate["SPDXID"], "relationshipType": kinds[p["how"]],
-                           "relatedSpdxElement": o["SPDXID"]} for p, o in zip(PARTIES, others)],
+                           "relatedSpdxElement": o["SPDXID"]} for p, o in zip(parties, others)],
     }
 
 

@@ -49,10 +49,16 @@ test('golden hashes in Chromium are those of the program', async () => {
   await page.close();
 });
 
+test('the package has the notices of what is in it', () => {
+  for (const name of ['LICENSE', 'THIRD_PARTY.md']) assert.ok(readFileSync(join(folder, 'package', name), 'utf8').length > 1000);
+  assert.ok(JSON.parse(readFileSync(join(folder, 'package/package.json'))).files.includes('THIRD_PARTY.md'));
+});
+
 test('the package measures and says what is wrong', async () => {
   const page = await browser.newPage();
-  const result = await page.evaluate(async ({ core, code }) => {
-    const { load } = await import(URL.createObjectURL(new Blob([atob(code)], { type: 'text/javascript' })));
+  const result = await page.evaluate(async ({ core, code, host }) => {
+    const script = (text) => URL.createObjectURL(new Blob([text], { type: 'text/javascript' }));
+    const { load } = await import(script(atob(code).replace('./host.js', script(atob(host)))));
     const palpate = await load(Uint8Array.from(atob(core), (c) => c.charCodeAt(0)));
     const sensor = palpate.sensor({ width: 320, height: 240, fx: 288, fy: 288, cx: 159.5, cy: 119.5 });
     sensor.update(new Uint16Array(320 * 240).fill(600));
@@ -66,7 +72,7 @@ test('the package measures and says what is wrong', async () => {
       () => palpate.pack([0, 0, 0, 1, 0, 0, 0, 1, 0], [0, 1, 2]),
     ]) try { wrong(); } catch (error) { errors.push(error.message); }
     return { force: measured.force, volume: measured.volume, errors, version: palpate.version, memory: palpate.memory };
-  }, { core: base64('bin/palpate.wasm'), code: base64('package/palpate.js') });
+  }, { core: base64('bin/palpate.wasm'), code: base64('package/palpate.js'), host: base64('package/host.js') });
   console.log(JSON.stringify(result, null, 1));
   assert.ok(result.volume > 0 && result.force[2] < 0);
   assert.equal(result.errors.length, 5);

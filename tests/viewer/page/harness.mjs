@@ -40,7 +40,7 @@ const drawing = [
   ['--use-angle=swiftshader', '--enable-unsafe-swiftshader'],
 ];
 
-/// A browser with these flags, for the caller to close.
+/// Starts a browser with these flags, which the caller closes.
 export const launchWith = (args) =>
   playwright.chromium.launch({ executablePath, chromiumSandbox: process.getuid() !== 0, args });
 
