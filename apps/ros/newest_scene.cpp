@@ -49,7 +49,7 @@ void NewestScene::follow(Camera& camera) {
     const auto got = camera.source->next(frame);
     if (!got || !*got) return end(camera, got ? "the camera is lost" : got.error().message);
     drop_far_codes(frame, camera.source->info().sensor);
-    // Of an image that shows nothing but the robot nothing is known.
+    // An image of nothing but the robot tells nothing.
     if (std::ranges::none_of(frame.pixels, [](auto count) { return count != 0; })) continue;
     const SurfaceView surface = camera.sensor.update(frame);
     if (!camera.sensor.status()) return end(camera, camera.sensor.status().error().message);
