@@ -118,7 +118,7 @@ export class Page implements Listener {
 
   onHello(hello: Hello): void {
     this.hello = hello;
-    this.state = this.contact = this.sample = null;
+    this.state = this.contact = this.sample = this.mesh = null;
     this.frames = hello.streams.map(() => null);
     this.requested.clear();
     this.subscription = '';

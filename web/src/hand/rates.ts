@@ -39,8 +39,12 @@ export class HeldKeys {
       if (isRequested()) event.preventDefault();
       this.down.set(event.key, found); // one that is down before the tool is held moves it, too
     });
-    addEventListener('keyup', (event) => this.down.delete(event.key));
+    addEventListener('keyup', (event) => {
+      if (event.key === 'Meta') this.down.clear(); // macOS reports no other key that is let go before it
+      else this.down.delete(event.key);
+    });
     addEventListener('blur', () => this.down.clear());
+    document.addEventListener('visibilitychange', () => document.hidden && this.down.clear());
   }
 
   rates(): Rates {

@@ -23,9 +23,10 @@ export class Vibration {
     this.begun = now;
     this.share = share;
     if (Math.max(strong, change) < LEAST) return;
-    void pad?.vibrationActuator?.playEffect?.('dual-rumble', { duration: 1.3 * INTERVAL, strongMagnitude: strong, weakMagnitude: change })
+    const motor = (pad as Controller | null)?.hapticActuators?.[0];
+    if (motor && change >= LEAST) void motor.pulse(change, 1.3 * INTERVAL)?.catch(() => {});
+    if (!motor) void pad?.vibrationActuator?.playEffect?.('dual-rumble', { duration: 1.3 * INTERVAL, strongMagnitude: strong, weakMagnitude: change })
       .catch(() => {}); // a gamepad without motors
-    if (change >= LEAST) void (pad as Controller | null)?.hapticActuators?.[0]?.pulse(change, 1.3 * INTERVAL);
     if (change >= LEAST) navigator.vibrate?.(Math.round(SHORTEST_PULSE + (LONGEST_PULSE - SHORTEST_PULSE) * change));
   }
   /** Begins anew: nobody holds the tool. */

@@ -6,14 +6,15 @@ import { Vibration } from '../hand/vibration';
 import type { Page } from '../page';
 import { Arrow } from '../scene/arrow';
 import { ARROW_COLORS, heat } from '../scene/colors';
-import type { Sample } from '../types';
+import type { Hello, Sample } from '../types';
+import type { GivenImage } from './given_image';
 import type { WorkerWire } from './wire';
-import type { GivenImage } from './world';
 
 const MOST_PIXELS = 320 * 240;
 const IMAGE_PERIOD = 100; // ms
 const UNIT = 0.001;       // m of a count
 const FORCE_SIZE = 0.02;  // m of arrow for a newton
+const STATE_DELAY = 300;  // ms in which the state may be older than the last pull
 const NAME = 'the headset';
 
 /** Types of WebXR Depth Sensing, which those of TypeScript lack. */
@@ -49,6 +50,8 @@ export class Headset {
   private readonly enter = button('try-headset', 'feel what the depth camera of a headset sees; its controllers vibrate and do not push', () => void this.begin(), 'headset');
   private readonly vibration = new Vibration();
   private holder: XRInputSource | null = null; // the controller that holds the tool
+  private heldFrom = -Infinity; // ms
+  private requested: Hello | null = null; // the run whose mesh was requested
   private lastImage = -Infinity; // ms
   private wasHeld = false;
   private hasImage = false;
@@ -71,7 +74,7 @@ export class Headset {
       await this.show(session);
       this.say('Pull the trigger to hold the tool: the controller vibrates as the force changes.');
     } catch (error) {
-      void session?.end();
+      void session?.end().catch(() => {}); // it may have ended by itself
       this.say(`The headset shows no depth here (${(error as Error).message}); take one with depth sensing for pages, and allow it.`);
     }
   }
@@ -83,7 +86,7 @@ export class Headset {
     const material = new MeshStandardMaterial({ color: '#9aa7b4' }), tool = new Mesh(new BufferGeometry(), material), arrow = new Arrow(ARROW_COLORS.force);
     scene.add(tool, arrow.object, new HemisphereLight('#ffffff', '#556677', 3));
     let drawn: Float32Array | null = null; // vertices of the drawn mesh
-    await renderer.xr.setSession(session);
+    const begun = renderer.xr.setSession(session); // its listeners come first
     session.addEventListener('selectstart', (event) => this.hold(event));
     session.addEventListener('selectend', (event) => event.inputSource === this.holder && this.letGo());
     session.addEventListener('visibilitychange', () => session.visibilityState !== 'visible' && this.letGo());
@@ -91,20 +94,28 @@ export class Headset {
       this.letGo();
       renderer.setAnimationLoop(null);
       for (const part of [tool.geometry, material, arrow, renderer]) part.dispose();
+      renderer.forceContextLoss();
+      if (this.hasImage) this.wire.order({ kind: 'image', image: null });
       this.hasImage = this.hasHeld = false;
-      this.wire.order({ kind: 'image', image: null });
+      this.space = null;
     });
+    await begun;
+    renderer.xr.getReferenceSpace()?.addEventListener('reset', () => this.letGo());
     renderer.setAnimationLoop((_, frame) => {
-      const { sample, mesh } = this.page;
+      const { hello, sample, mesh } = this.page;
       this.space = renderer.xr.getReferenceSpace();
       if (frame && this.space) this.follow(frame as DepthFrame, session, this.space);
+      if (!mesh && this.requested !== hello) {
+        this.requested = hello;
+        void this.page.command({ command: 'get', what: 'mesh' });
+      }
       if (mesh && mesh.positions !== drawn) {
         drawn = mesh.positions;
         tool.geometry.dispose();
         tool.geometry = new BufferGeometry().setIndex(new BufferAttribute(mesh.triangles, 1)).setAttribute('position', new BufferAttribute(mesh.positions, 3));
         tool.geometry.computeVertexNormals();
       }
-      tool.visible = this.hasHeld && sample !== null;
+      tool.visible = this.hasHeld && sample !== null && mesh !== null;
       if (sample) this.place(sample, tool, material, arrow);
       renderer.render(scene, camera);
     });
@@ -125,9 +136,11 @@ export class Headset {
   private follow(frame: DepthFrame, session: DepthSession, space: XRReferenceSpace): void {
     const now = performance.now();
     this.wire.send(JSON.stringify({ ack: this.page.counters.pictures })); // the window draws nothing meanwhile
-    const isHeld = this.page.state?.handle === 'held';
-    if (this.wasHeld && !isHeld) this.holder = null; // it was silent for too long: the next pull takes hold again
-    this.wasHeld = isHeld;
+    if (now - this.heldFrom > STATE_DELAY) {
+      const isHeld = this.page.state?.handle === 'held';
+      if (this.wasHeld && !isHeld) this.holder = null; // it was silent for too long: the next pull takes hold again
+      this.wasHeld = isHeld;
+    }
     const X_WT = this.holder && this.toolAt(frame, this.holder, space);
     if (X_WT) this.wire.send(JSON.stringify({ hand: X_WT }));
     if (now - this.lastImage < IMAGE_PERIOD) return;
@@ -149,9 +162,12 @@ export class Headset {
 
   private hold({ frame, inputSource }: XRInputSourceEvent): void {
     const at = this.space && this.toolAt(frame, inputSource, this.space);
-    if (!at || this.holder || !this.hasImage) return;
+    if (!at || this.holder) return;
+    if (!this.hasImage) return this.say('The headset has given no depth yet; look at what is near, and pull again.');
     this.holder = inputSource;
+    this.heldFrom = performance.now();
     this.hasHeld = true;
+    this.wasHeld = false;
     this.wire.send(JSON.stringify({ id: 0, command: 'hold', at }));
   }
   private letGo(): void {

@@ -11,6 +11,7 @@ import { packInWorker, WorkerWire } from './wire';
 
 const LARGEST_FILE = 64 << 20; // bytes
 const TOOL_SPHERES = 5000; // those of a slider are the first of them
+const NO_UNPACKING = 'This browser cannot unpack Palpate: it lacks DecompressionStream; update the browser, or take Chrome 91, Firefox 113 or Safari 16.4 or newer.';
 
 /** Returns the core that the page has inside, as base64 of gzip. */
 async function core(): Promise<ArrayBuffer> {
@@ -95,8 +96,12 @@ class Files {
 }
 
 async function begin(): Promise<void> {
-  const refusal = whyNot();
-  if (refusal !== null) return document.body.append(element('p', 'try-refusal', refusal));
+  const refusal = whyNot() ?? (typeof DecompressionStream === 'function' ? null : NO_UNPACKING);
+  if (refusal !== null) {
+    const words = element('p', 'try-refusal', refusal);
+    words.setAttribute('role', 'alert');
+    return document.body.append(words);
+  }
   const wasm = await core();
   let files: Files | null = null;
   const address = new URLSearchParams(location.search);
@@ -109,7 +114,7 @@ async function begin(): Promise<void> {
   Object.assign(window, {
     palpate: {
       counters: page.counters, scene: page.scene, command: page.command.bind(page), tell: (message: object) => wire.send(JSON.stringify(message)), take: (file: File) => files?.take(file), readPng: readDepthPng,
-      get hello() { return page.hello; }, get state() { return page.state; }, get sample() { return page.sample; },
+      get hello() { return page.hello; }, get state() { return page.state; }, get sample() { return page.sample; }, get mesh() { return page.mesh; },
     },
   });
 }

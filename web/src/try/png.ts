@@ -1,5 +1,5 @@
 // Reads a gray PNG of 16 bits. A canvas would give 8 of them.
-import type { GivenImage } from './world';
+import type { GivenImage } from './given_image';
 
 const SIGNATURE = [137, 80, 78, 71, 13, 10, 26, 10];
 const LARGEST = 4096, SMALLEST = 8; // pixels

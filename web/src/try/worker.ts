@@ -1,7 +1,7 @@
 // The worker behind the page without a program: a World with its clock, or the packing of one mesh.
 import { load, whyNot } from '../../core/palpate';
 import { World } from './world';
-import type { GivenImage } from './world';
+import type { GivenImage } from './given_image';
 
 /** Orders of the page, beside the texts of the protocol. */
 export type Order =

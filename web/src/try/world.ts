@@ -6,9 +6,13 @@
 // for a tick, so a late one is as good. A tick measures the contact while that is quick, else the first of a burst does. What a busy
 // machine does not compute within LONGEST_DELAY passes without ticks: the clock of the run stands still, and the hand feels no jump.
 import type { Camera, Contact, Hand, Palpate, Scene, Sensor, Simulation, Tick, Tool } from '../../core/palpate';
+import { imageOf, isSameCamera, noteOf } from './given_image';
+import type { GivenImage } from './given_image';
 import { COLUMNS, contactMessage, frameMessage, meshMessage, samplesMessage, spheresMessage } from './packets';
 import type { Image } from './packets';
 import { Follower } from './motion';
+import { controls, DEFAULTS } from './settings';
+import type { Value } from './settings';
 
 const TICK = 1e-3; // s
 const MOST_TICKS = 10; // of a burst
@@ -27,18 +31,10 @@ const DEVICE = {
 };
 const WIDTH = 320, HEIGHT = 240;
 
-type Value = string | number | boolean;
 export interface Outlet { text(message: object): void; binary(buffer: ArrayBuffer): void }
-/** A depth image that a reader has dropped on the page, or one of the stream of a camera that is known and moves. */
-export interface GivenImage { name: string; width: number; height: number; counts: Uint16Array; camera?: Camera; X_WC?: number[] }
-
-const imageOf = ({ width, height, counts, X_WC }: GivenImage): Image => ({ width, height, unit: 0.001, counts, X_WC: X_WC ?? [0, 0, 0, 0, 0, 0, 1] });
 
 export class World {
-  private readonly settings: Record<string, Value> = {
-    'scene.name': 'hand', 'packing.spheres': 1000, 'contact.method': 'field', 'coupling.stiffness': 400,
-    'coupling.force_at_eighth': 10, 'friction.coefficient': 0.3, 'camera.noise': 1,
-  };
+  private readonly settings: Record<string, Value> = { ...DEFAULTS };
   private revision = 1;
   private simulation!: Simulation;
   private sensor!: Sensor;
@@ -49,6 +45,7 @@ export class World {
   private follower!: Follower;
   private images: Image[] = []; // shown in turn
   private given: GivenImage | null = null;
+  private ownImage: GivenImage | null = null; // the reader's last, which comes back after a camera's
   private givenTool: Uint8Array | null = null; // a tool file
   private camera!: Camera;
   private title = '';
@@ -158,24 +155,13 @@ export class World {
   }
 
   hello(): object {
-    const { info } = this.tool, number = (key: string, words: string, unit: string, low: number, high: number, whole = false) =>
-      ({ key, words, unit, kind: 'number', low, high, whole, value: this.settings[key] });
+    const { info } = this.tool;
     return {
       type: 'hello', protocol: 3, version: this.palpate.version, kind: 'live', title: this.title,
       tool: { spheres: info.spheres, center_of_mass: info.center_of_mass, radius: info.radius, volume: info.volume },
-      streams: [{ name: this.title, ...this.camera, rate: 1 / FRAME_SECONDS, is_moving: false }],
+      streams: [{ name: this.title, ...this.camera, rate: 1 / FRAME_SECONDS, is_moving: this.given?.camera !== undefined }],
       objects: 0, handle: { max_force: DEVICE.max_force }, columns: COLUMNS,
-      controls: [
-        { key: 'contact.method', words: 'the depth field, or a method of the thesis: feel the difference', kind: 'choice',
-          choices: ['field', 'weighted', 'simplified', 'graph'], value: this.settings['contact.method'] },
-        { key: 'packing.spheres', words: 'spheres that fill the tool', kind: 'choice', choices: ['100', '300', '1000', '3000', '5000'],
-          value: String(this.settings['packing.spheres']) },
-        number('coupling.stiffness', 'of the spring between hand and tool', 'N/m', 50, 400),
-        number('coupling.force_at_eighth', 'force at an eighth of the tool inside: how hard things are', 'N', 1, 40),
-        number('friction.coefficient', 'friction', '', 0, 1.5),
-        number('camera.noise', 'noise of the camera, as a share of that of a Kinect', '', 0, 3),
-        { key: 'scene.name', words: 'what the camera sees', kind: 'choice', choices: this.palpate.simulations, value: this.settings['scene.name'] },
-      ].map((control) => ({ ...control, value: this.settings[control.key] })),
+      controls: controls(this.settings, this.palpate.simulations),
     };
   }
 
@@ -248,7 +234,7 @@ export class World {
   }
 
   set(key: string, value: Value): Value {
-    const before = this.settings[key], { given } = this;
+    const before = this.settings[key], { given, ownImage } = this;
     if (before === undefined) throw new Error(`There is no setting ${key} on this page.`);
     this.settings[key] = typeof before === 'number' ? Number(value) : value;
     try {
@@ -259,12 +245,12 @@ export class World {
       } else if (key.startsWith('coupling.') || key.startsWith('friction.')) {
         this.hand.change(this.handOptions());
       } else {
-        if (key === 'scene.name') this.given = null;
+        if (key === 'scene.name') this.given = this.ownImage = null;
         this.rebuild();
       }
     } catch (error) {
       this.settings[key] = before;
-      this.given = given;
+      Object.assign(this, { given, ownImage });
       throw error;
     }
     ++this.revision;
@@ -281,12 +267,14 @@ export class World {
   useTool(bytes: Uint8Array, name: string): void {
     this.takeOver({ givenTool: bytes }, `The tool is ${name}.`);
   }
-  /** Takes an image as the scene, or the next one of the same moving camera; null: the scene of the settings again. */
+  /** Takes an image as the scene, or the next one of the same moving camera; null: what was there before the camera. */
   useImage(image: GivenImage | null): void {
-    if (image?.camera && JSON.stringify(image.camera) === JSON.stringify(this.given?.camera)) {
-      [this.given, this.images, this.isFrameDue] = [image, [imageOf(image)], true];
+    if (image && isSameCamera(image.camera, this.given?.camera)) {
+      [this.given, this.images, this.isFrameDue] = [{ ...image, camera: this.given?.camera }, [imageOf(image)], true];
     } else {
-      this.takeOver({ given: image }, image === null ? null : image.camera ? `The camera is ${image.name}.` : `${image.name}: counts are taken as millimeters.`);
+      const given = image ?? this.ownImage;
+      this.takeOver({ given }, noteOf(given));
+      if (!given?.camera) this.ownImage = given;
     }
   }
   /** Takes what a reader gave, or refuses it and goes on as before. */
