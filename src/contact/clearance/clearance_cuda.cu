@@ -286,7 +286,7 @@ class ClearanceBatchCuda final : public ClearanceBatch {
           FieldOnGpu made{gpu::Memory(gpu_)};
           made.values = made.memory->copy_of(parts_of(*shape).solid_field().values());
           if (!made.memory->status()) return made.memory->status().error();
-          return made;
+          return Result<FieldOnGpu>(std::move(made));  // nvcc copies what is named
         });
     question_.num_bodies = 0;
     if (!status) return status;
