@@ -4,7 +4,7 @@
 //   node web/make_pictures.mjs PALPATE FOLDER [NAME ...]        (make pictures)
 //
 // The moving picture is a recording, looked at from moment to moment: so it is as smooth on a machine that draws in
-// software. For the same reason runs have a simulated clock, but for that of ROS 2. Guides in Python
+// software. For the same reason runs have a simulated clock, but for those that a hand or a robot moves. Guides in Python
 // and C++ are drawn by tools/draw_guides.py. ffmpeg makes WebP of all of them.
 import { spawn, spawnSync } from 'node:child_process';
 import { existsSync, mkdtempSync, readFileSync, rmSync, statSync } from 'node:fs';
@@ -83,6 +83,25 @@ async function report(page, { part = 'figure.picture .place', clicks = [], width
   await at.screenshot({ path: shot });
   await view.close();
   return shot;
+}
+
+/// Holds the tool of a page in the view of the camera, pushes it by keys until it meets a force, N, and looks from beside.
+async function press(page, newtons) {
+  await page.addStyleTag({ content: '.banner, .hint { display: none !important; }' });
+  await page.keyboard.press('t');
+  const force = () => page.evaluate(() => Math.hypot(...['x', 'y', 'z'].map((axis) => window.palpate.sample[`force_${axis}`])));
+  await until(`${newtons} N`, async () => {
+    if (await force() > newtons) return true;
+    await page.keyboard.press('PageUp', { delay: 60 });
+    await sleep(200); // the hand is led there
+    return false;
+  });
+  for (let i = 0; i < 3; ++i) await page.keyboard.press('v'); // camera, from above, tool, free
+  await page.evaluate(() => {
+    Object.assign(window.palpate.governor ?? {}, { enabled: false, fine: true });
+    window.palpate.scene.resetView();
+  });
+  await sleep(10000); // it glides
 }
 
 /// Starts a command that serves a page, calls `look` with the page, and ends the command as Ctrl-C does.
@@ -167,6 +186,29 @@ const pictures = {
     shell(shown('first-touch', '-o probe.palp'));
     shell(shown('first-touch', '-o first/', /depth-sequence/));
     return [await report('first/report.html')];
+  },
+  async try(name) {
+    const limits = ['max_contact_age', 'max_sensor_age', 'max_device_silence', 'max_tick', 'energy_tank'].map((limit) => `${limit}=60`);
+    shell(`${shown('try-it', '-o mine', /--device page/)}\nprintf '%s\n' '[safety]' ${limits.join(' ')} > patient.toml`); // drawing in software is late
+    const words = shown('try-it', '-o mine').match(/palpate (touch .*)/)[1].split(' ');
+    await served([...words, '--settings', 'patient.toml', '--set', 'loop.thin_out=false', '--view-port', '0'], 'stride=2&view=camera',
+      { width: 1280, height: 720 }, async (page) => {
+        await press(page, 3);
+        await page.screenshot({ path: kept(name) });
+      });
+    return [kept(name)];
+  },
+  async browser(name) {
+    const file = join(root, 'build/web/try/try.html');
+    if (!existsSync(file)) fail(`${file} is not there: make web-core`);
+    const page = await browser.newPage({ viewport: { width: 1280, height: 720 }, colorScheme: 'dark' });
+    page.setDefaultTimeout(0);
+    await page.goto(`${pathToFileURL(file).href}?view=camera&safety.max_contact_age=60&safety.max_sensor_age=60&safety.max_device_silence=60`);
+    await until('the tool', () => page.evaluate(() => window.palpate?.sample && window.palpate.counters.contacts > 1));
+    await press(page, 3);
+    await page.screenshot({ path: kept(name) });
+    await page.close();
+    return [kept(name)];
   },
   async ros2() {
     shell(shown('ros2', '-o gripper.palp'));

@@ -5,10 +5,13 @@ import { evaluationReport } from './evaluation';
 import { packingReport } from './packing';
 import { runReport } from './run';
 import { twoRunsReport } from './two_runs';
+import { governor } from '../scene/governor';
 
 const REPORTS = {
   run: runReport, two_runs: twoRunsReport, packing: packingReport, comparison: comparisonReport, evaluation: evaluationReport,
 };
+
+Object.assign(window, { palpate: { governor } }); // for tests, and for pictures in full detail
 
 const data = JSON.parse(document.getElementById('data')!.textContent!);
 const show = REPORTS[data.kind as keyof typeof REPORTS];
