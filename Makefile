@@ -78,7 +78,7 @@ sensor-figures: setup  ## presets by kind of sensor on recorded frames: make sen
 	cmake --build --preset bench -j $(JOBS) --target sensor_figures
 	build/bench/bin/sensor_figures $(DATA)
 
-pictures: wheel  ## the pictures of README and guides, from their own runs, into docs/pictures (needs chromium, node, ffmpeg)
+pictures: wheel web-core  ## the pictures of README and guides, from their own runs, into docs/pictures (needs chromium, node, ffmpeg)
 	scripts/setup.sh --test
 	$(call build_preset,release) --target palpate palpate_component_palpate
 	[ -x build/python-pictures/bin/python ] || python3 -m venv build/python-pictures
