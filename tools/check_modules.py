@@ -67,7 +67,6 @@ MIN_LINES = 20
 SMALL = (
     "include/palpate/version.h",
     "python/palpate/_program.py",
-    "web/src/report/main.ts",
     "src/gpu/no_gpu.cpp",
     "src/pages/no_page.cpp",
     "src/cameras/drivers/python_packages.h",
