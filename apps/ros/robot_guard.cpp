@@ -10,8 +10,8 @@
 #include "apps/ros/newest_scene.h"
 #include "apps/ros/wall_time.h"
 #include "apps/terminal/terminal.h"
-#include "palpate/io/files.h"
 #include "palpate/robot/robot.h"
+#include "src/cameras/internal/robot_states.h"
 #include "src/core/internal/message_text.h"
 #include "src/core/internal/monotonic_clock.h"
 #include "src/io/internal/ros_messages.h"
@@ -333,18 +333,19 @@ Status run_guard(const TouchOptions& touch, const GuardOptions& given) {
                      " m: the robot would have no way to slow down; raise it, or pack the robot "
                      "with a smaller --standoff"};
   }
-  Pose X_WB;
   if (files.pose.empty()) {
     print_note(
         "the base of the robot is taken to be at the frame of --world; else give "
         "--robot-pose");
-  } else {
-    std::string blanks = files.pose;
-    std::ranges::replace(blanks, ',', ' ');
-    const auto pose = parse_pose(blanks);
-    if (!pose) return Error{pose.error().code, "--robot-pose: " + pose.error().message};
-    X_WB = *pose;
   }
+  const auto poses = base_poses(files.pose);
+  if (!poses) return poses.error();
+  if (poses->size() != 1) {
+    return Error{Errc::invalid_argument,
+                 "--robot-pose has " + std::to_string(poses->size()) +
+                     " poses: the base of a guarded robot stands still, or moves with --world"};
+  }
+  const Pose X_WB = poses->front().X_WT;
   const double max_age = std::min(touch.robot.filter.max_age, touch.ros.max_age);
   auto joints = RobotJoints::open(*robot, files.joints, X_WB, max_age);
   if (!joints) return joints.error();

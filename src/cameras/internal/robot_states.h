@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "palpate/io/files.h"
 #include "src/cameras/robot/joint_history.h"
 #include "src/cameras/stream/capture_clock.h"
 #include "src/ros/internal/tf_history.h"
@@ -94,5 +95,9 @@ class RobotStates {
   const bool may_go_by_stamps_;
   double unstamped_at_ = -std::numeric_limits<double>::infinity();  // s, when the newest came
 };
+
+/// Reads poses of a robot's base over time from a trajectory file, or from one pose; nothing: the
+/// identity. Errors: neither a file nor a pose; those of the file.
+Result<std::vector<TimedPose>> base_poses(const std::string& text);
 
 }}  // namespace palpate::v0

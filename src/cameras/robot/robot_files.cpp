@@ -118,6 +118,8 @@ Result<RobotModel> load_robot(const RobotFiles& files, RobotGeometry geometry) {
   return model;
 }
 
+}  // namespace
+
 Result<std::vector<TimedPose>> base_poses(const std::string& text) {
   if (text.empty()) return std::vector<TimedPose>{{0, {}}};
   std::error_code ignored;
@@ -131,8 +133,6 @@ Result<std::vector<TimedPose>> base_poses(const std::string& text) {
   }
   return std::vector<TimedPose>{{0, *pose}};
 }
-
-}  // namespace
 
 Result<SelfFilter> open_self_filter(const RobotFiles& files, const SelfFilterOptions& options) {
   if (const Status status = check_settings(options); !status) return status.error();
