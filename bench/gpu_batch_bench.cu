@@ -176,7 +176,7 @@ void measure_arm() {
   const SceneContact contact =
       value_or_stop(SceneContact::create(tools, FieldMethod{}, Place::cuda(options.gpu)));
   const std::size_t n = arm.num_positions();
-  const auto ask = [&](const TreePoses& poses, const TreeAnswers& answers) {
+  const auto ask = [&](const JointPoses& poses, const TreeAnswers& answers) {
     if (value_or_stop(measure_tree(contact, scene, poses, answers))) stop({});
   };
   constexpr std::size_t kMost = 262144;
@@ -200,7 +200,7 @@ void measure_arm() {
     for (const std::size_t num : {std::size_t{16384}, kMost}) {
       gpu::Memory memory(options.gpu);
       const std::span<const double> some(positions.data(), num * n);
-      const TreePoses poses{arm.tree, {}, {memory.copy_of(some), num * n}, false, options.gpu};
+      const JointPoses poses{arm.tree, {}, {memory.copy_of(some), num * n}, false, options.gpu};
       auto* const to = memory.take<double>(num);
       auto* const link = memory.take<std::int32_t>(num);
       auto* const by_joint = memory.take<double>(num * n);

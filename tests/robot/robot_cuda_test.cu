@@ -5,10 +5,11 @@
 #include <string>
 #include <vector>
 
-#include "src/contact/scene/scene_makers.h"
+#include "src/gpu/internal/runtime.h"
 #include "src/robot/robot_measures.h"
 #include "tests/robot/robot_arm.h"
 #include "tests/test_util/gpu.h"
+#include "tests/test_util/gpu_scenes.h"
 #include "tests/test_util/random.h"
 
 namespace palpate {
@@ -17,11 +18,7 @@ namespace {
 constexpr std::size_t kNum = 24, kJoints = 3, kLinks = 4;
 
 RobotContact on_gpu(const Robot& robot) {
-  return RobotContactMaker::make(
-      robot,
-      SceneContactMaker::make(tools_of(robot), FieldMethod{}, Place::cuda(0), 1, cuda_makers())
-          .value(),
-      Place::cuda(0), 1);
+  return RobotContactMaker::make(robot, test::scenes_on_gpu(tools_of(robot)), Place::cuda(0), 1);
 }
 
 struct Answered {

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "palpate/cameras/cameras.h"
-#include "src/contact/internal/joint_tree.h"
+#include "src/math/internal/joint_motion.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -37,7 +37,7 @@ class ClearanceBatch {
   /// See SceneContact::any.
   virtual Status any(const ScenePoses& poses, double margin, std::uint8_t* hits) = 0;
   /// See measure_tree.
-  virtual Result<std::optional<RefusedPosition>> measure_tree(const TreePoses&,
+  virtual Result<std::optional<RefusedPosition>> measure_tree(const JointPoses&,
                                                               const TreeAnswers&) {
     return Error{Errc::unavailable,
                  "joints are turned into poses of links where these are measured on a GPU alone; "

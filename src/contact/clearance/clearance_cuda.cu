@@ -135,7 +135,7 @@ class ClearanceBatchCuda final : public ClearanceBatch {
     });
   }
 
-  Result<std::optional<RefusedPosition>> measure_tree(const TreePoses& poses,
+  Result<std::optional<RefusedPosition>> measure_tree(const JointPoses& poses,
                                                       const TreeAnswers& answers) override {
     if (poses.gpu != kHostMemory && poses.gpu != gpu_) {
       return Error{Errc::invalid_argument,

@@ -308,7 +308,7 @@ class TreeOnGpu {
   const Status& status() const { return memory_.status(); }
 
   /// Failures go to the stream.
-  std::optional<RefusedPosition> measure(const Question& of, const TreePoses& poses,
+  std::optional<RefusedPosition> measure(const Question& of, const JointPoses& poses,
                                          const TreeAnswers& answers, gpu::Stream& stream) {
     const std::size_t n = tree_->ranges.size(), total = poses.positions.size() / n;
     const bool is_staged = poses.gpu == kHostMemory;

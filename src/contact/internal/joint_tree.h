@@ -1,10 +1,7 @@
-// A tree of joints that places tools: forward kinematics and its transpose, the same text on a CPU
-// and a GPU. The frame of a child is that of its joint, turned about the joint's axis or moved
-// along it: X_BC = X_BP X_PJ turn(axis, q). A force and a torque about C do a . (torque + (C - o) x
-// force) to a joint that turns about the axis a through o, and a . force to one that slides.
+// A tree of joints that places the tools of a contact, and questions about its configurations,
+// which go from joints to answers on a GPU.
 #pragma once
 
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -13,39 +10,12 @@
 #include <vector>
 
 #include "palpate/contact/scene.h"
+#include "src/math/internal/joint_motion.h"
 
 namespace palpate { inline namespace v0 {
 
 /// rad or m: positions are nearer to 0.
 inline constexpr double kMaxJointPosition = 1e6;
-
-enum class JointKind : std::uint8_t {
-  fixed,
-  turning,   ///< revolute and continuous ones, rad
-  sliding,   ///< prismatic ones, m
-  floating,  ///< and planar ones: no single number says where they are
-};
-
-/// Returns the pose of the child of a joint. `axis`: in J, 1 long.
-PALPATE_HOSTDEV inline Pose child_of(const Pose& X_BJ, JointKind kind, const Vec3d& axis,
-                                     double position) {
-  Pose X_BC = X_BJ;
-  if (kind == JointKind::turning) {
-    const Vec3d v = axis * std::sin(position / 2);
-    X_BC.rotation = normalized(X_BJ.rotation * Quaternion{v.x, v.y, v.z, std::cos(position / 2)});
-  } else if (kind == JointKind::sliding) {
-    X_BC.translation = X_BJ * (axis * position);
-  }
-  return X_BC;
-}
-
-/// Returns what a force and a torque about C do to a joint whose child is at X_WC.
-PALPATE_HOSTDEV inline double effort_of(const Pose& X_WC, JointKind kind, const Vec3d& axis,
-                                        const Vec3d& C_W, const Vec3d& force, const Vec3d& torque) {
-  const Vec3d axis_W = rotate(X_WC.rotation, axis);
-  if (kind == JointKind::sliding) return dot(axis_W, force);
-  return dot(axis_W, torque + cross(C_W - X_WC.translation, force));
-}
 
 /// A joint of a tree. Frame 0 is the base, and joint k places frame k + 1.
 struct TreeJoint {
@@ -71,7 +41,7 @@ struct JointTree {
 };
 
 /// Positions of P configurations.
-struct TreePoses {
+struct JointPoses {
   std::shared_ptr<const JointTree> tree;
   Pose X_WB;                          ///< of the base
   std::span<const double> positions;  ///< P x n
@@ -100,7 +70,7 @@ struct RefusedPosition {
 /// Returns the first position that is refused: then there is no result. Errors: as of
 /// SceneContact::measure; a contact on a CPU; positions of another GPU.
 Result<std::optional<RefusedPosition>> measure_tree(const SceneContact& contact, const Scene& scene,
-                                                    const TreePoses& poses,
+                                                    const JointPoses& poses,
                                                     const TreeAnswers& answers);
 
 }}  // namespace palpate::v0

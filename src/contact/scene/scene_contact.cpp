@@ -360,7 +360,7 @@ Status SceneContact::any(const Scene& scene, const ScenePoses& poses, double mar
 
 Result<std::optional<RefusedPosition>> SceneContactMaker::measure_tree(const SceneContact& contact,
                                                                        const Scene& scene,
-                                                                       const TreePoses& poses,
+                                                                       const JointPoses& poses,
                                                                        const TreeAnswers& answers) {
   SceneContact::Impl& impl = *contact.impl_;
   const double limit = answers.hits != nullptr ? 1 : answers.limit;
@@ -372,7 +372,7 @@ Result<std::optional<RefusedPosition>> SceneContactMaker::measure_tree(const Sce
 }
 
 Result<std::optional<RefusedPosition>> measure_tree(const SceneContact& contact, const Scene& scene,
-                                                    const TreePoses& poses,
+                                                    const JointPoses& poses,
                                                     const TreeAnswers& answers) {
   return SceneContactMaker::measure_tree(contact, scene, poses, answers);
 }

@@ -47,7 +47,7 @@ struct SceneContactMaker {
   /// See palpate::measure_tree.
   static Result<std::optional<RefusedPosition>> measure_tree(const SceneContact& contact,
                                                              const Scene& scene,
-                                                             const TreePoses& poses,
+                                                             const JointPoses& poses,
                                                              const TreeAnswers& answers);
 };
 

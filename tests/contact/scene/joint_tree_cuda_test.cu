@@ -11,11 +11,11 @@
 
 #include <gtest/gtest.h>
 
-#include "src/contact/scene/scene_makers.h"
 #include "src/gpu/internal/runtime.h"
 #include "tests/test_util/arm_tree.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/gpu.h"
+#include "tests/test_util/gpu_scenes.h"
 #include "tests/test_util/hull_scenes.h"
 
 namespace palpate {
@@ -32,8 +32,7 @@ struct ArmRig {
   ArmTree arm = test::arm_tree(0.025);
   std::vector<const Tool*> tools = arm.pointers();
   SceneContact cpu = SceneContact::create(tools, FieldMethod{}, Place::cpu(), 1).value();
-  SceneContact gpu =
-      SceneContactMaker::make(tools, FieldMethod{}, Place::cuda(0), 1, cuda_makers()).value();
+  SceneContact gpu = test::scenes_on_gpu(tools);
 };
 
 /// What the CPU says of the poses of all links.
@@ -108,7 +107,7 @@ std::array<int, 3> compare(const ArmRig& rig, const Scene& scene,
   std::vector<double> clearance(num), by_joint(num * n);
   std::vector<std::int32_t> link(num);
   std::vector<std::uint8_t> hits(num), held(num, 7);
-  TreePoses poses{rig.arm.tree, kBase, positions};
+  JointPoses poses{rig.arm.tree, kBase, positions};
   const auto refused =
       measure_tree(rig.gpu, scene, poses,
                    {clearance.data(), link.data(), by_joint.data(), held.data(), nullptr, kLimit});
@@ -194,7 +193,7 @@ TEST(JointTreeCuda, AnswersInItsMemoryAreTheSameBitsInAnyBatch) {
   }
   EXPECT_EQ(clearance, alone);
   gpu::Memory memory(0);
-  const TreePoses there{rig.arm.tree, kBase, {memory.copy_of(positions), num * n}, false, 0};
+  const JointPoses there{rig.arm.tree, kBase, {memory.copy_of(positions), num * n}, false, 0};
   TreeAnswers answers{.clearance = memory.take<double>(num)};
   ASSERT_TRUE(measure_tree(rig.gpu, scene, there, answers));
   std::vector<double> copied(num);
@@ -218,7 +217,7 @@ TEST(JointTreeCuda, HoldsOrRefusesPositionsBeyondRanges) {
   within[3 * n + 1] = 1.7628;
   within[4 * n + 7] = 0;
   std::vector<std::uint8_t> held(num);
-  TreePoses poses{rig.arm.tree, kBase, positions};
+  JointPoses poses{rig.arm.tree, kBase, positions};
   const auto kept =
       measure_tree(rig.gpu, scene, poses, {.clearance = clearance.data(), .held = held.data()});
   ASSERT_TRUE(kept && !*kept);
