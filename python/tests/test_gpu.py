@@ -167,6 +167,37 @@ def test_one_image(cube, scene, library):
         palpate.Contact(cube).measure(palpate.Sensor(camera).update(images[0]), poses[0]).volume, rel=1e-4, abs=1e-12)
 
 
+ARM = """<robot name="arm"><link name="base"/>
+<link name="upper"><collision><origin xyz="0 0 0.15"/><geometry><box size="0.06 0.08 0.3"/></geometry></collision></link>
+<link name="fore"><collision><origin xyz="0 0 0.1"/><geometry><box size="0.05 0.05 0.2"/></geometry></collision></link>
+<joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/><axis xyz="1 0 0"/></joint>
+<joint name="elbow" type="revolute"><origin xyz="0 0 0.3"/><parent link="upper"/><child link="fore"/><axis xyz="0 1 0"/>
+  <limit lower="-2" upper="2"/></joint>
+</robot>"""
+
+
+def test_configurations_of_a_robot(scene, library, tmp_path):
+    camera, images, *_ = scene
+    (tmp_path / "arm.urdf").write_text(ARM)
+    base = [0, -0.3, 0.75, -0.707, 0, 0, 0.707]
+    cpu, gpu = (palpate.Robot(tmp_path / "arm.urdf", base=base, place=place) for place in ("cpu", "cuda"))
+    seen, there = (palpate.Scene([palpate.Sensor(camera, place=place).update(images[0])]) for place in ("cpu", "cuda"))
+    joints = np.random.default_rng(3).uniform(-1.5, 2.5, (NUM, 2))
+    want = cpu.measure(seen, joints, contact=False)
+    for given, host in ((library.on_gpu(joints), library.taken), (joints, np.asarray)):
+        got = gpu.measure(there, given, contact=False)
+        assert np.abs(host(got.clearance) - want.clearance).max() < 1e-5
+        assert (host(got.held) == want.held).all() and want.held.any()
+        same = host(got.link) == want.link
+        assert same.mean() > 0.99 and (want.link >= 0).any()
+        assert np.abs(host(got.clearance_by_joint) - want.clearance_by_joint)[same].max() < 1e-2
+        assert (host(gpu.any(there, given, 0.02)) == cpu.any(seen, joints, 0.02)).mean() > 0.99
+    with pytest.raises(palpate.Error, match="host memory"):
+        gpu.measure(there, library.on_gpu(joints))
+    with pytest.raises(palpate.Error, match="'elbow' of configuration .* beyond its limits"):
+        gpu.any(there, library.on_gpu(joints), limits="refuse")
+
+
 @pytest.mark.parametrize("is_given", [False, True])
 def test_one_image_that_a_side_stream_still_writes(scene, library, is_given):
     """Without `stream` the array library orders the work, with it the stream does. Other threads continue."""
