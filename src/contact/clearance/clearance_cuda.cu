@@ -9,6 +9,7 @@
 
 #include "src/contact/bodies/shapes_of_scene.h"
 #include "src/contact/clearance/clearance_batch.h"
+#include "src/contact/clearance/clearance_image_cuda.cuh"
 #include "src/contact/clearance/nearest_sphere.h"
 #include "src/contact/cuda/gpu_field.h"
 #include "src/contact/index/tool_parts.h"
@@ -138,76 +139,6 @@ __global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
     question.found[pose] = Clearance{-question.limit};
   }
 }
-
-__global__ void take_blocks(const __grid_constant__ ClearanceImage image,
-                            const __grid_constant__ DepthFieldLevel pixels, float* nearest) {
-  const std::int32_t wide = image.blocks_wide[0], num = wide * image.blocks_high[0];
-  for (std::int32_t i = gpu::grid_thread(); i < num; i += gpu::grid_threads()) {
-    take_depths(image, pixels, i % wide, i / wide, nearest);
-  }
-}
-
-__global__ void merge_blocks(const __grid_constant__ ClearanceImage image, int level,
-                             float* nearest, float* farthest) {
-  const std::int32_t wide = 4 * image.blocks_wide[level], num = wide * 4 * image.blocks_high[level];
-  for (std::int32_t i = gpu::grid_thread(); i < num; i += gpu::grid_threads()) {
-    merge_depths(image, level, i % wide, i / wide, nearest, farthest);
-  }
-}
-
-constexpr int kThreads = 128;
-int blocks_for(std::size_t num, int each) {
-  const auto per_block = static_cast<std::size_t>(each);
-  return static_cast<int>((num + per_block - 1) / per_block);
-}
-
-/// One image of a scene.
-class ImageOnGpu {
- public:
-  explicit ImageOnGpu(int gpu) : memory_(gpu), copies_(gpu) {}
-
-  /// Failures go to the stream.
-  void update(const DepthFieldView& view, bool is_blocked, gpu::Stream& stream) {
-    if (view.stamp != 0 && stamp_ == view.stamp && thickness_ == view.thickness) return;
-    const DepthFieldView field = copies_.on_gpu(view, stream);
-    const ClearanceImage old = std::exchange(image_, image_of(view, is_blocked));
-    if (old.width != image_.width || old.height != image_.height) {
-      stream.wait();
-      memory_ = gpu::Memory(stream.gpu());
-      for (int level = 0; level < ClearanceImage::kLevels; ++level) {
-        nearest_[level] = memory_.take<float>(image_.num_places(level));
-        farthest_[level] = level > 0 ? memory_.take<float>(image_.num_places(level)) : nearest_[0];
-      }
-      if (!memory_.status()) {
-        image_ = {};
-        return stream.fail(memory_.status().error());
-      }
-    }
-    for (int level = 0; level < ClearanceImage::kLevels; ++level) {
-      image_.nearest[level] = nearest_[level];
-      image_.farthest[level] = farthest_[level];
-    }
-    if (!stream.status()) return;
-    gpu::launch(stream, {.blocks = blocks_for(image_.num_places(0) / 16, kThreads)}, take_blocks,
-                image_, field.levels[0], nearest_[0]);
-    for (int level = 1; level < ClearanceImage::kLevels; ++level) {
-      gpu::launch(stream, {.blocks = blocks_for(image_.num_places(level), kThreads)}, merge_blocks,
-                  image_, level, nearest_[level], farthest_[level]);
-    }
-    stamp_ = view.stamp;
-    thickness_ = view.thickness;
-  }
-
-  const ClearanceImage& image() const { return image_; }
-
- private:
-  gpu::Memory memory_;
-  GpuFields copies_;
-  ClearanceImage image_;
-  std::uint64_t stamp_ = 0;
-  float thickness_ = 0;
-  float *nearest_[ClearanceImage::kLevels] = {}, *farthest_[ClearanceImage::kLevels] = {};
-};
 
 class ClearanceBatchCuda final : public ClearanceBatch {
  public:
