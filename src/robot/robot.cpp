@@ -90,7 +90,8 @@ Result<Robot> Robot::Data::complete(Data data, const std::string& name) {
   using Kind = RobotJoint::Kind;
   const RobotModel& model = data.model;
   constexpr double kNone = std::numeric_limits<double>::infinity();
-  std::vector<std::size_t> number(model.joints.size());  // in `joints`
+  std::vector<std::size_t>& number = data.number;
+  number.assign(model.joints.size(), kNotMoved);
   for (std::size_t i = 0; i < model.joints.size(); ++i) {
     const RobotJoint& joint = model.joints[i];
     if (joint.kind == Kind::floating) {
@@ -133,6 +134,7 @@ Result<Robot> Robot::Data::complete(Data data, const std::string& name) {
       at = joint.parent;
     }
     data.limbs.push_back(std::move(limb));
+    data.limb_links.push_back(link);
     data.names.push_back(model.links[link].name);
   }
   if (data.limbs.empty()) {

@@ -12,23 +12,9 @@
 namespace palpate { inline namespace v0 {
 namespace {
 
-constexpr std::size_t kAtATime = 1024;  // configurations, whose results are in memory
+constexpr std::size_t kAtATime = 256;  // configurations, whose results are in memory
 
 }  // namespace
-
-bool RobotPlaces::place(const Robot::Data& robot, std::span<const double> joints) {
-  bool is_held = false;
-  positions.resize(robot.model.joints.size());
-  X_BL.resize(robot.model.links.size());
-  for (std::size_t j = 0; j < joints.size(); ++j) {
-    const Robot::Joint& joint = robot.joints[j];
-    const double held = std::clamp(joints[j], joint.lower, joint.upper);
-    is_held = is_held || held != joints[j];
-    positions[robot.moved[j]] = held;
-  }
-  robot.model.place(positions, X_BL);
-  return is_held;
-}
 
 Error refused_joint(const Robot::Data& robot, std::size_t i, double position) {
   const std::size_t n = robot.joints.size();
@@ -59,8 +45,10 @@ Status check_joints(const Robot::Data& robot, const RobotPoses& poses) {
                                              "Robot::joints"};
   }
   if (poses.gpu != kHostMemory) return Done{};
+  const Robot::Joint* next = robot.joints.data();
   for (std::size_t i = 0; i < joints.size(); ++i) {
-    const Robot::Joint& joint = robot.joints[i % n];
+    const Robot::Joint& joint = *next;
+    if (++next == robot.joints.data() + n) next = robot.joints.data();
     const bool is_within = joints[i] >= joint.lower && joints[i] <= joint.upper;
     if (std::abs(joints[i]) < kMaxJointPosition && (is_within || !poses.refuses_beyond_limits)) {
       continue;
@@ -71,11 +59,11 @@ Status check_joints(const Robot::Data& robot, const RobotPoses& poses) {
 }
 
 void add_joint_torque(const Robot::Data& robot, const RobotLimb& limb, const RobotPlaces& places,
-                      const Pose& X_WB, const Vec3d& C_W, const Vec3d& force, const Vec3d& torque,
-                      double* to) {
+                      std::size_t configuration, const Pose& X_WB, const Vec3d& C_W,
+                      const Vec3d& force, const Vec3d& torque, double* to) {
   for (const RobotLimb::Mover& mover : limb.movers) {
     const RobotJoint& joint = robot.model.joints[mover.joint];
-    const Pose X_WJ = X_WB * places.X_BL[joint.child];
+    const Pose X_WJ = X_WB * places.X_BL(configuration, joint.child);
     to[mover.moved] += joint.factor * effort_of(X_WJ, joint.kind, joint.axis, C_W, force, torque);
   }
 }
@@ -87,11 +75,14 @@ Status Robot::place(std::span<const double> joints, const Pose& X_WB, std::span<
                                              " links is placed by as many numbers"};
   }
   if (const Status status = check_joints(*data_, {joints, X_WB}); !status) return status;
-  RobotPlaces places;
-  places.place(*data_, joints);
-  for (std::size_t l = 0; l < data_->limbs.size(); ++l) {
-    X_WL[l] = X_WB * places.X_BL[data_->limbs[l].link];
+  std::vector<double> positions(data_->model.joints.size());
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    positions[data_->moved[j]] =
+        std::clamp(joints[j], data_->joints[j].lower, data_->joints[j].upper);
   }
+  std::vector<Pose> X_BL(data_->model.links.size());
+  data_->model.place(positions, X_BL);
+  for (std::size_t l = 0; l < X_WL.size(); ++l) X_WL[l] = X_WB * X_BL[data_->limb_links[l]];
   return Done{};
 }
 
@@ -122,18 +113,11 @@ Status Robot::remove_from(DepthFrame& frame, const Intrinsics& intrinsics,
 std::size_t RobotContact::Impl::place(const RobotPoses& poses, std::size_t first) {
   const std::size_t n = data().joints.size(), num_limbs = data().limbs.size();
   const std::size_t num = std::min(kAtATime, poses.joints.size() / n - first);
-  places.resize(std::max(places.size(), num));
-  held.resize(num);
+  places.resize(data(), num);
   X_WL.resize(num * num_limbs);
-  const int num_tasks = pool->num_threads();
-  pool->parallel_for(num_tasks, [&](int task) {
-    for (auto i = static_cast<std::size_t>(task); i < num;
-         i += static_cast<std::size_t>(num_tasks)) {
-      held[i] = places[i].place(data(), poses.joints.subspan((first + i) * n, n)) ? 1 : 0;
-      for (std::size_t l = 0; l < num_limbs; ++l) {
-        X_WL[i * num_limbs + l] = poses.X_WB * places[i].X_BL[data().limbs[l].link];
-      }
-    }
+  const std::span<const double> joints = poses.joints.subspan(first * n, num * n);
+  pool->parallel_for(static_cast<int>(places.num_blocks()), [&](int block) {
+    places.place(data(), static_cast<std::size_t>(block), joints, poses.X_WB, X_WL);
   });
   for (std::size_t i = tool_of_pose.size(); i < num * num_limbs; ++i) {
     tool_of_pose.push_back(static_cast<std::int32_t>(i % num_limbs));
@@ -223,9 +207,9 @@ Status RobotContact::measure(const Scene& scene, const RobotPoses& poses,
     const ScenePoses places = impl.scene_poses(num, requested.only_least_of_groups);
     if (const Status s = impl.contact.measure(scene, places, requested); !s) return s;
     for (std::size_t i = 0; i < num; ++i) {
-      found.reduce(robot, impl.places[i], poses.X_WB, impl.X_WL.data() + i * num_limbs,
-                   i * num_limbs, first + i, to);
-      if (to.held != nullptr) to.held[first + i] = impl.held[i];
+      found.reduce(robot, impl.places, i, poses.X_WB, impl.X_WL.data() + i * num_limbs, first + i,
+                   to);
+      if (to.held != nullptr) to.held[first + i] = impl.places.held(i);
     }
     first += num;
   }
@@ -272,10 +256,11 @@ SceneAnswers RobotMeasures::make_room(const RobotAnswers& to, std::size_t num_po
   return requested;
 }
 
-void RobotMeasures::reduce(const Robot::Data& robot, const RobotPlaces& places, const Pose& X_WB,
-                           const Pose* X_WL, std::size_t from, std::size_t i,
-                           const RobotAnswers& to) const {
+void RobotMeasures::reduce(const Robot::Data& robot, const RobotPlaces& places,
+                           std::size_t configuration, const Pose& X_WB, const Pose* X_WL,
+                           std::size_t i, const RobotAnswers& to) const {
   const std::size_t n = robot.joints.size(), num_limbs = robot.limbs.size();
+  const std::size_t from = configuration * num_limbs;
   const auto vector_at = [](const std::vector<double>& numbers, std::size_t at) {
     return Vec3d{numbers[at], numbers[at + 1], numbers[at + 2]};
   };
@@ -290,7 +275,7 @@ void RobotMeasures::reduce(const Robot::Data& robot, const RobotPlaces& places, 
     const auto add_gradient = [&](std::size_t l, double* by_joint) {
       std::fill_n(by_joint, n, 0.0);
       if (nearest[from + l] < 0) return;
-      add_joint_torque(robot, robot.limbs[l], places, X_WB, center(l),
+      add_joint_torque(robot, robot.limbs[l], places, configuration, X_WB, center(l),
                        vector_at(gradient, 6 * (from + l)), vector_at(gradient, 6 * (from + l) + 3),
                        by_joint);
     };
@@ -317,8 +302,9 @@ void RobotMeasures::reduce(const Robot::Data& robot, const RobotPlaces& places, 
       std::copy_n(torque.data() + 3 * at, 3, to.wrench + 6 * (i * num_limbs + l) + 3);
     }
     if (to.joint_torque) {
-      add_joint_torque(robot, robot.limbs[l], places, X_WB, center(l), vector_at(force, 3 * at),
-                       vector_at(torque, 3 * at), to.joint_torque + i * n);
+      add_joint_torque(robot, robot.limbs[l], places, configuration, X_WB, center(l),
+                       vector_at(force, 3 * at), vector_at(torque, 3 * at),
+                       to.joint_torque + i * n);
     }
   }
   if (to.volume) to.volume[i] = inside;

@@ -26,14 +26,18 @@ struct RobotLimb {
 };
 
 struct Robot::Data {
+  static constexpr std::size_t kNotMoved = -1;
+
   RobotModel model;                                ///< without meshes
   std::vector<std::shared_ptr<const Tool>> tools;  ///< of each link of the model; null: no spheres
   std::vector<double> standoffs;                   ///< m, of each link of the model
 
   // Made from these by `complete`.
   std::vector<Joint> joints;
-  std::vector<std::size_t> moved;  ///< in the model, of each of `joints`
+  std::vector<std::size_t> moved;   ///< in the model, of each of `joints`
+  std::vector<std::size_t> number;  ///< in `joints`, of each in the model; or kNotMoved
   std::vector<RobotLimb> limbs;
+  std::vector<std::size_t> limb_links;    ///< of limbs
   std::vector<std::string> names;         ///< of limbs
   std::shared_ptr<const JointTree> tree;  ///< the same for a GPU; its tools are the limbs
 

@@ -17,9 +17,9 @@ struct RobotMeasures {
 
   /// Arrays for what `to` needs.
   SceneAnswers make_room(const RobotAnswers& to, std::size_t num_poses);
-  /// Writes configuration i, whose links have the answers from `from` on and the poses X_WL.
-  void reduce(const Robot::Data& robot, const RobotPlaces& places, const Pose& X_WB,
-              const Pose* X_WL, std::size_t from, std::size_t i, const RobotAnswers& to) const;
+  /// Writes a configuration, whose links have the poses X_WL, as number i of all.
+  void reduce(const Robot::Data& robot, const RobotPlaces& places, std::size_t configuration,
+              const Pose& X_WB, const Pose* X_WL, std::size_t i, const RobotAnswers& to) const;
 };
 
 /// Returns the tools of a robot's links.
@@ -53,9 +53,8 @@ struct RobotContact::Impl {
   SceneContact contact;
   const bool is_on_gpu;
   std::unique_ptr<ThreadPool> pool;
-  std::vector<RobotPlaces> places;  // of some configurations, as all that follows
-  std::vector<Pose> X_WL;           // of each limb
-  std::vector<std::uint8_t> held;
+  RobotPlaces places;      // of some configurations, as all that follows
+  std::vector<Pose> X_WL;  // of each limb
   std::vector<std::int32_t> tool_of_pose, group_of_pose;
 };
 

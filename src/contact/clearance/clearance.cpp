@@ -10,7 +10,8 @@
 
 namespace palpate { inline namespace v0 {
 PALPATE_DECLARE_KERNELS(void find_nearest(const ClearanceJob&, ClearanceHit&);
-                        constexpr ClearanceKernels kClearance{find_nearest};)
+                        void screen_poses(PoseScreen&);
+                        constexpr ClearanceKernels kClearance{find_nearest, screen_poses};)
 
 namespace {
 
@@ -100,16 +101,34 @@ Status ClearanceScene::update(std::span<const SurfaceView> surfaces,
   return Done{};
 }
 
+void ClearanceScene::place(PoseScreen& screen, const ClearanceKernels& kernels) const noexcept {
+  screen.cameras = cameras_.data();
+  screen.num_cameras = static_cast<int>(cameras_.size());
+  if (!cameras_.empty()) return kernels.screen_poses(screen);
+  std::fill_n(screen.least, screen.num, screen.limit);
+  std::fill_n(screen.change, screen.num, 0.0f);
+}
+
 ClearanceQuery::ClearanceQuery(const ToolIndex& index, Isa isa)
     : tool_(clearance_tool(index.tool())), kernels_(clearance_kernels(isa)) {
   job_.spheres = view_of(parts_of(index).clusters());
 }
 
 ClearanceTool clearance_tool(const Tool& tool) {
-  ClearanceTool made{tool.spheres().data(), tool.sphere_mass().center_of_mass, 0};
+  ClearanceTool made{tool.spheres().data(), tool.sphere_mass().center_of_mass, 0, {}};
+  Vec3f low{1e30f, 1e30f, 1e30f}, high = -low;
   for (const Sphere& sphere : tool.spheres()) {
     made.reach =
         std::max(made.reach, norm(to_double(sphere.center)) + static_cast<double>(sphere.radius));
+    for (int axis = 0; axis < 3; ++axis) {
+      low[axis] = std::min(low[axis], sphere.center[axis] - sphere.radius);
+      high[axis] = std::max(high[axis], sphere.center[axis] + sphere.radius);
+    }
+  }
+  made.ball.center = (low + high) * 0.5f;
+  for (const Sphere& sphere : tool.spheres()) {
+    const float distance = norm(sphere.center - made.ball.center);
+    made.ball.reach = std::max(made.ball.reach, (distance + sphere.radius) * 1.00001f);
   }
   return made;
 }
@@ -120,15 +139,14 @@ Pose unit(const Pose& X_WT) { return {X_WT.translation, normalized(X_WT.rotation
 
 }  // namespace
 
-ClearanceHit ClearanceQuery::search(const ClearanceScene& scene, ClearanceJob job,
-                                    const Pose& X_WT) const noexcept {
+ClearanceHit ClearanceQuery::search(ClearanceJob job, const PoseScreen& screen,
+                                    int i) const noexcept {
   ClearanceHit hit;
-  const std::span<const SeenByCamera> seen = scene.cameras();
-  if (seen.empty()) return hit;
+  if (screen.least[i] >= job.limit) return hit;
   ClearanceCamera cameras[kMaxCameras];
-  for (std::size_t k = 0; k < seen.size(); ++k) place_camera(seen[k], X_WT, cameras[k]);
+  screen.put_cameras(i, cameras);
   job.cameras = cameras;
-  job.num_cameras = static_cast<int>(seen.size());
+  job.num_cameras = screen.num_cameras;
   kernels_.find_nearest(job, hit);
   return hit;
 }
@@ -147,31 +165,27 @@ void ClearanceQuery::add_bodies(const ClearanceScene& scene, const Pose& X_WT,
   }
 }
 
-Clearance ClearanceQuery::measure(const ClearanceScene& scene, const Pose& X_WT, double limit,
-                                  double below) const noexcept {
-  const Pose X = unit(X_WT);
+Clearance ClearanceQuery::measure(const ClearanceScene& scene, const PoseScreen& screen, int i,
+                                  double limit, double below) const noexcept {
   ClearanceJob job = job_;
   job.limit = job.deepest = static_cast<float>(limit);
-  if (below < limit) {
-    const std::span<const SeenByCamera> seen = scene.cameras();
-    const int num_cameras = static_cast<int>(seen.size());
-    const ClearanceJob within = margin_job(job_, seen.data(), num_cameras, tool_, X, below);
-    job.limit = std::min(job.limit, within.limit);
-  }
-  const ClearanceHit hit = search(scene, job, X);
+  if (below < limit) job.limit = std::min(job.limit, static_cast<float>(below) + screen.change[i]);
+  const ClearanceHit hit = search(job, screen, i);
+  if (hit.kind == ClearanceKind::nothing && scene.bodies().empty()) return {limit};
+  const Pose X = unit(screen.X_WT[i]);
   Clearance least = clearance_of(scene.cameras().data(), tool_, hit, X, limit);
   add_bodies(scene, X, least);
   if (least.value <= -limit) least = {-limit};
   return least;
 }
 
-Clearance ClearanceQuery::measure_softly(const ClearanceScene& scene, const Pose& X_WT,
-                                         double limit, double smoothing,
+Clearance ClearanceQuery::measure_softly(const ClearanceScene& scene, const PoseScreen& screen,
+                                         int i, double limit, double smoothing,
                                          std::vector<ClearanceHit>& each) const {
   constexpr double kNegligible = 30;  // e^-30
-  Clearance soft = measure(scene, X_WT, limit, limit);
+  Clearance soft = measure(scene, screen, i, limit, limit);
   if (soft.sphere < 0) return soft;
-  const Pose X = unit(X_WT);
+  const Pose X = unit(screen.X_WT[i]);
   const double least = soft.value, reach = std::min(limit, least + kNegligible * smoothing);
   const auto weight = [&](double value) { return std::exp((least - value) / smoothing); };
   const double at_limit = weight(limit);
@@ -188,7 +202,7 @@ Clearance ClearanceQuery::measure_softly(const ClearanceScene& scene, const Pose
   job.deepest = static_cast<float>(limit);
   each.assign(static_cast<std::size_t>(job_.spheres.num_spheres), {job.limit});
   job.each = each.data();
-  (void)search(scene, job, X);
+  (void)search(job, screen, i);
   for (const ClearanceHit& hit : each)
     add(clearance_of(scene.cameras().data(), tool_, hit, X, limit));
   for (const SearchedBody& body : scene.bodies()) {
@@ -203,13 +217,17 @@ Clearance ClearanceQuery::measure_softly(const ClearanceScene& scene, const Pose
   return soft;
 }
 
-bool ClearanceQuery::is_within(const ClearanceScene& scene, const Pose& X_WT,
+bool ClearanceQuery::is_within(const ClearanceScene& scene, const PoseScreen& screen, int i,
                                double margin) const noexcept {
-  const Pose X = unit(X_WT);
-  const std::span<const SeenByCamera> seen = scene.cameras();
-  const ClearanceJob job =
-      margin_job(job_, seen.data(), static_cast<int>(seen.size()), tool_, X, margin);
-  if (is_hit_within(seen.data(), tool_, search(scene, job, X), job, X, margin)) return true;
+  ClearanceJob job = job_;
+  const auto middle = static_cast<float>(margin);
+  job.limit = middle + screen.change[i];
+  job.enough = middle - screen.change[i];
+  job.deepest = std::abs(middle) + screen.change[i];
+  const ClearanceHit hit = search(job, screen, i);
+  if (hit.kind == ClearanceKind::nothing && scene.bodies().empty()) return false;
+  const Pose X = unit(screen.X_WT[i]);
+  if (is_hit_within(scene.cameras().data(), tool_, hit, job, X, margin)) return true;
   Clearance least{margin};
   add_bodies(scene, X, least);
   return least.value < margin;

@@ -7,6 +7,7 @@
 
 #include "palpate/contact/contact.h"
 #include "src/contact/clearance/body_distance.h"
+#include "src/contact/clearance/pose_screen.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -35,6 +36,9 @@ class ClearanceScene {
   Status update(std::span<const SurfaceView> surfaces, std::span<const SearchedBody> bodies,
                 ThreadPool& pool);
 
+  /// Places the poses of a screen before the cameras, and looks at their balls.
+  void place(PoseScreen& screen, const ClearanceKernels& kernels) const noexcept;
+
   std::span<const SeenByCamera> cameras() const { return cameras_; }
   std::span<const SearchedBody> bodies() const { return bodies_; }
   int num_surfaces() const { return num_surfaces_; }
@@ -57,21 +61,23 @@ class ClearanceQuery {
  public:
   ClearanceQuery(const ToolIndex& index, Isa isa);
 
-  /// The least clearance to a scene at a finite pose, between -limit and limit (m). `below`: one
-  /// that is not below it may be told to be saturated. No allocation. O(spheres) where nothing is
-  /// near.
-  Clearance measure(const ClearanceScene& scene, const Pose& X_WT, double limit,
+  const ClearanceTool& tool() const { return tool_; }
+
+  /// The least clearance to a scene at a finite pose, number `i` of those that were placed in it,
+  /// between -limit and limit (m). `below`: one that is not below it may be told to be saturated.
+  /// No allocation. O(spheres) where nothing is near.
+  Clearance measure(const ClearanceScene& scene, const PoseScreen& screen, int i, double limit,
                     double below) const noexcept;
   /// The soft minimum over spheres, cameras and bodies instead of the least: see
   /// SceneAnswers::clearance_smoothing. `each` grows to the number of spheres.
-  Clearance measure_softly(const ClearanceScene& scene, const Pose& X_WT, double limit,
-                           double smoothing, std::vector<ClearanceHit>& each) const;
+  Clearance measure_softly(const ClearanceScene& scene, const PoseScreen& screen, int i,
+                           double limit, double smoothing, std::vector<ClearanceHit>& each) const;
   /// True if `measure` is below the margin, m.
-  bool is_within(const ClearanceScene& scene, const Pose& X_WT, double margin) const noexcept;
+  bool is_within(const ClearanceScene& scene, const PoseScreen& screen, int i,
+                 double margin) const noexcept;
 
  private:
-  ClearanceHit search(const ClearanceScene& scene, ClearanceJob job,
-                      const Pose& X_WT) const noexcept;
+  ClearanceHit search(ClearanceJob job, const PoseScreen& screen, int i) const noexcept;
   void add_bodies(const ClearanceScene& scene, const Pose& X_WT, Clearance& least) const noexcept;
 
   ClearanceTool tool_;

@@ -23,7 +23,9 @@ class ClearanceBatchCpu final : public ClearanceBatch {
  public:
   ClearanceBatchCpu(std::span<const std::shared_ptr<const ToolIndex>> tools, ThreadPool& pool,
                     Isa isa)
-      : pool_(pool), each_(static_cast<std::size_t>(pool.num_threads())) {
+      : pool_(pool),
+        kernels_(clearance_kernels(isa)),
+        workers_(static_cast<std::size_t>(pool.num_threads())) {
     for (const auto& tool : tools) queries_.emplace_back(*tool, isa);
   }
 
@@ -35,59 +37,108 @@ class ClearanceBatchCpu final : public ClearanceBatch {
 
   Status measure(const ScenePoses& poses, const ClearanceWants& wants, const Put& put) override {
     const auto [limit, smoothing, only_least] = wants;
-    if (only_least && !poses.group_of_pose.empty() && !(smoothing > 0)) {
-      measure_groups(poses, limit, put);
-      return Done{};
-    }
-    for_poses(pool_, poses.X_WT.size(), [&](std::size_t thread, std::size_t i) {
-      const Pose& X_WT = poses.X_WT[i];
-      if (!is_finite(X_WT)) return;
-      const ClearanceQuery& query = queries_[tool_of(poses, i)];
-      put(i, smoothing > 0 ? query.measure_softly(scene_, X_WT, limit, smoothing, each_[thread])
-                           : query.measure(scene_, X_WT, limit, limit));
-    });
+    const bool has_groups = only_least && !poses.group_of_pose.empty() && !(smoothing > 0);
+    for_some_poses(
+        pool_, poses.X_WT.size(), [&](std::size_t thread, std::size_t first, std::size_t end) {
+          Worker& worker = workers_[thread];
+          place(poses, first, end, limit, false, worker.screen);
+          if (has_groups) return measure_groups(poses, first, limit, worker, put);
+          for (std::size_t i = first; i < end; ++i) {
+            if (!is_finite(poses.X_WT[i])) continue;
+            const ClearanceQuery& query = queries_[tool_of(poses, i)];
+            const auto number = static_cast<int>(i - first);
+            put(i, smoothing > 0 ? query.measure_softly(scene_, worker.screen, number, limit,
+                                                        smoothing, worker.each)
+                                 : query.measure(scene_, worker.screen, number, limit, limit));
+          }
+        });
     return Done{};
   }
 
   Status any(const ScenePoses& poses, double margin, std::uint8_t* hits) override {
     std::fill_n(hits, num_groups_of(poses), std::uint8_t{0});
-    for_poses(pool_, poses.X_WT.size(), [&](std::size_t, std::size_t i) {
-      std::uint8_t& hit = hits[group_of(poses, i)];
-      if (__atomic_load_n(&hit, __ATOMIC_RELAXED) != 0) return;  // of its group
-      const Pose& X_WT = poses.X_WT[i];
-      if (is_finite(X_WT) && !queries_[tool_of(poses, i)].is_within(scene_, X_WT, margin)) return;
-      __atomic_store_n(&hit, std::uint8_t{1}, __ATOMIC_RELAXED);
-    });
+    for_some_poses(
+        pool_, poses.X_WT.size(), [&](std::size_t thread, std::size_t first, std::size_t end) {
+          Worker& worker = workers_[thread];
+          place(poses, first, end, margin, true, worker.screen);
+          for_groups(poses, first, worker, [&](std::size_t group, std::span<const int> numbers) {
+            for (const int number : numbers) {
+              if (__atomic_load_n(&hits[group], __ATOMIC_RELAXED) != 0) return;
+              const std::size_t i = first + static_cast<std::size_t>(number);
+              const ClearanceQuery& query = queries_[tool_of(poses, i)];
+              if (is_finite(poses.X_WT[i]) &&
+                  !query.is_within(scene_, worker.screen, number, margin)) {
+                continue;
+              }
+              __atomic_store_n(&hits[group], std::uint8_t{1}, __ATOMIC_RELAXED);
+            }
+          });
+        });
     return Done{};
   }
 
  private:
-  /// Measures from the last pose on, as the hand of an arm is nearer than its base. Poses only have
-  /// to beat those of their group that the same thread has measured just before.
-  void measure_groups(const ScenePoses& poses, double limit, const Put& put) {
-    struct Least {
-      std::size_t group = SIZE_MAX;
-      double value = 0;  // m
-    };
-    std::vector<Least> of_thread(each_.size());
-    const std::size_t num = poses.X_WT.size();
-    for_poses(pool_, num, [&](std::size_t thread, std::size_t k) {
-      const std::size_t i = num - 1 - k, group = group_of(poses, i);
-      Least& least = of_thread[thread];
-      if (least.group != group) least = {group, limit};
-      if (!is_finite(poses.X_WT[i])) return;
-      const Clearance found =
-          queries_[tool_of(poses, i)].measure(scene_, poses.X_WT[i], limit, least.value);
-      least.value = std::min(least.value, found.value);
-      put(i, found);
+  struct Worker {
+    PoseScreen screen;
+    int order[PoseScreen::kMost];
+    std::vector<ClearanceHit> each;
+  };
+
+  void place(const ScenePoses& poses, std::size_t first, std::size_t end, double limit,
+             bool is_margin, PoseScreen& screen) const {
+    screen.X_WT = poses.X_WT.data() + first;
+    screen.num = static_cast<int>(end - first);
+    screen.limit = static_cast<float>(limit);
+    screen.is_margin = is_margin;
+    for (std::size_t i = first; i < end; ++i) {
+      screen.tools[i - first] = &queries_[tool_of(poses, i)].tool();
+    }
+    scene_.place(screen, kernels_);
+  }
+
+  /// Calls visit(group, numbers) for poses of a screen that follow each other in one group, those
+  /// that seem to be the nearest first.
+  template <class Visit>
+  static void for_groups(const ScenePoses& poses, std::size_t first, Worker& worker,
+                         const Visit& visit) {
+    const float* const least = worker.screen.least;
+    for (int begin = 0, end = 0; begin < worker.screen.num; begin = end) {
+      const std::size_t group = group_of(poses, first + static_cast<std::size_t>(begin));
+      for (; end < worker.screen.num; ++end) {
+        if (group_of(poses, first + static_cast<std::size_t>(end)) != group) break;
+        int at = end;
+        for (; at > begin && least[worker.order[at - 1]] > least[end]; --at) {
+          worker.order[at] = worker.order[at - 1];
+        }
+        worker.order[at] = end;
+      }
+      visit(group, std::span<const int>(worker.order + begin, worker.order + end));
+    }
+  }
+
+  /// Poses only have to beat those of their group that have been measured just before.
+  void measure_groups(const ScenePoses& poses, std::size_t first, double limit, Worker& worker,
+                      const Put& put) const {
+    for_groups(poses, first, worker, [&](std::size_t, std::span<const int> numbers) {
+      double least = limit;
+      for (const int number : numbers) {
+        const std::size_t i = first + static_cast<std::size_t>(number);
+        if (!is_finite(poses.X_WT[i])) continue;
+        const Clearance found = least <= -limit ? Clearance{limit}
+                                                : queries_[tool_of(poses, i)].measure(
+                                                      scene_, worker.screen, number, limit, least);
+        least = std::min(least, found.value);
+        put(i, found);
+      }
     });
   }
 
   ThreadPool& pool_;
+  ClearanceKernels kernels_;
   std::vector<ClearanceQuery> queries_;
   std::vector<SearchedBody> bodies_;
   ClearanceScene scene_;
-  std::vector<std::vector<ClearanceHit>> each_;  // of each thread
+  std::vector<Worker> workers_;
 };
 
 }  // namespace

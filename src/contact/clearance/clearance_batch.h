@@ -1,6 +1,7 @@
 // Clearance of many poses of several tools in one scene, on a CPU or a GPU.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <functional>
 #include <memory>
@@ -66,17 +67,24 @@ inline std::size_t num_groups_of(const ScenePoses& poses) {
                                      : static_cast<std::size_t>(poses.num_groups);
 }
 
-/// Calls work(thread, pose) for all poses, some at a time on each thread of a pool.
+/// Calls work(thread, first, end) for all poses, some at a time on each thread of a pool.
 template <class Work>
-void for_poses(ThreadPool& pool, std::size_t num, const Work& work) {
-  constexpr std::size_t kPosesAtATime = 64;
+void for_some_poses(ThreadPool& pool, std::size_t num, const Work& work) {
+  constexpr std::size_t kPosesAtATime = PoseScreen::kMost;
   std::atomic<std::size_t> next = 0;
   pool.parallel_for(pool.num_threads(), [&](int thread) {
     for (std::size_t first = next.fetch_add(kPosesAtATime); first < num;
          first = next.fetch_add(kPosesAtATime)) {
-      const std::size_t end = first + kPosesAtATime < num ? first + kPosesAtATime : num;
-      for (std::size_t i = first; i < end; ++i) work(static_cast<std::size_t>(thread), i);
+      work(static_cast<std::size_t>(thread), first, std::min(first + kPosesAtATime, num));
     }
+  });
+}
+
+/// Calls work(thread, pose) for all poses.
+template <class Work>
+void for_poses(ThreadPool& pool, std::size_t num, const Work& work) {
+  for_some_poses(pool, num, [&](std::size_t thread, std::size_t first, std::size_t end) {
+    for (std::size_t i = first; i < end; ++i) work(thread, i);
   });
 }
 

@@ -18,54 +18,6 @@ namespace {
 /// Poses on the GPU at a time.
 constexpr std::size_t kAtOnce = 1 << 16;
 
-/// One image of a scene.
-class ImageOnGpu {
- public:
-  explicit ImageOnGpu(int gpu) : memory_(gpu), copies_(gpu) {}
-
-  /// Failures go to the stream.
-  void update(const DepthFieldView& view, bool is_blocked, gpu::Stream& stream) {
-    if (view.stamp != 0 && stamp_ == view.stamp && thickness_ == view.thickness) return;
-    const DepthFieldView field = copies_.on_gpu(view, stream);
-    const ClearanceImage old = std::exchange(image_, image_of(view, is_blocked));
-    if (old.width != image_.width || old.height != image_.height) {
-      stream.wait();
-      memory_ = gpu::Memory(stream.gpu());
-      for (int level = 0; level < ClearanceImage::kLevels; ++level) {
-        nearest_[level] = memory_.take<float>(image_.num_places(level));
-        farthest_[level] = level > 0 ? memory_.take<float>(image_.num_places(level)) : nearest_[0];
-      }
-      if (!memory_.status()) {
-        image_ = {};
-        return stream.fail(memory_.status().error());
-      }
-    }
-    for (int level = 0; level < ClearanceImage::kLevels; ++level) {
-      image_.nearest[level] = nearest_[level];
-      image_.farthest[level] = farthest_[level];
-    }
-    if (!stream.status()) return;
-    gpu::launch(stream, {.blocks = blocks_for(image_.num_places(0) / 16, kThreads)}, take_blocks,
-                image_, field.levels[0], nearest_[0]);
-    for (int level = 1; level < ClearanceImage::kLevels; ++level) {
-      gpu::launch(stream, {.blocks = blocks_for(image_.num_places(level), kThreads)}, merge_blocks,
-                  image_, level, nearest_[level], farthest_[level]);
-    }
-    stamp_ = view.stamp;
-    thickness_ = view.thickness;
-  }
-
-  const ClearanceImage& image() const { return image_; }
-
- private:
-  gpu::Memory memory_;
-  GpuFields copies_;
-  ClearanceImage image_;
-  std::uint64_t stamp_ = 0;
-  float thickness_ = 0;
-  float *nearest_[ClearanceImage::kLevels] = {}, *farthest_[ClearanceImage::kLevels] = {};
-};
-
 class ClearanceBatchCuda final : public ClearanceBatch {
  public:
   ClearanceBatchCuda(std::span<const std::shared_ptr<const ToolIndex>> tools, int gpu)

@@ -1,5 +1,6 @@
 #include "src/contact/clearance/clearance_image.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace palpate { inline namespace v0 {
@@ -44,6 +45,22 @@ ClearanceImage image_of(const DepthFieldView& field, bool is_blocked) {
     to.blocks_wide[level] = wide = (wide + 3) / 4;
     to.blocks_high[level] = high = (high + 3) / 4;
   }
+  DepthWindows& windows = to.windows;
+  wide = to.blocks_wide[0];
+  high = to.blocks_high[0];
+  for (std::int32_t size = 0; windows.num_levels < DepthWindows::kLevels;) {
+    const int level = windows.num_levels++;
+    windows.first[level] = size;
+    windows.wide[level] = wide;
+    windows.high[level] = high;
+    size += wide * high;
+    if (4 << level >= std::max(to.blocks_wide[0], to.blocks_high[0])) {
+      windows.whole = windows.first[level];
+      break;
+    }
+    wide = (wide + 1) / 2;
+    high = (high + 1) / 2;
+  }
   return to;
 }
 
@@ -68,6 +85,25 @@ void ClearanceFrame::update(const DepthFieldView& field, bool is_blocked) {
     }
   }
   stamp_ = field.stamp;
+  if (is_blocked) return;  // searched with others only
+  windows_.resize(to.windows.num_places());
+  squares_.resize(2 * static_cast<std::size_t>(to.windows.wide[0] * to.windows.high[0]));
+  to.windows.nearest = windows_.data();
+  const auto for_rows = [](std::int32_t wide, std::int32_t high, float* out, const auto& value) {
+    for (std::int32_t row = 0; row < high; ++row) {
+      for (std::int32_t column = 0; column < wide; ++column) *out++ = value(column, row);
+    }
+  };
+  make_windows(
+      to, squares_.data(), windows_.data(),
+      [&](float* squares) {
+        for_rows(to.windows.wide[0], to.windows.high[0], squares,
+                 [&](int column, int row) { return to.nearest[1][to.place(1, column, row)]; });
+      },
+      [&](const WindowMerge& part, const float* from, float* merged) {
+        for_rows(part.merged_wide(), part.merged_high(), merged,
+                 [&](int column, int row) { return part.least(from, column, row); });
+      });
 }
 
 }}  // namespace palpate::v0

@@ -14,6 +14,25 @@ namespace palpate { inline namespace v0 {
 /// Depth of a pixel without surface: its ray is free, m.
 inline constexpr float kNoSurface = 1e9f;
 
+/// Least depths of square windows that overlap, so that a few of them cover any part of an image
+/// closely. Windows of level k are 16 * 2^k pixels wide and start at every fourth of that.
+struct DepthWindows {
+  static constexpr int kLevels = 8;
+  static constexpr int kStep = 4;       ///< pixels from window to window at level 0
+  static constexpr int kMostSteps = 7;  ///< that two windows cover wherever they start
+
+  const float* nearest = nullptr;  ///< m, of all levels; null: not made
+  std::int32_t first[kLevels] = {}, wide[kLevels] = {}, high[kLevels] = {};
+  std::int32_t num_levels = 0;
+  std::int32_t whole = -1;  ///< number of the window that is the whole image; -1: there is none
+
+  /// Numbers in the array.
+  std::size_t num_places() const {
+    return static_cast<std::size_t>(first[num_levels - 1] +
+                                    wide[num_levels - 1] * high[num_levels - 1]);
+  }
+};
+
 /// Input of searches; non-owning, trivially copyable. Level k has squares of 4^k x 4^k pixels.
 /// The squares of one level lie in blocks of 4 x 4, which are the parts of one square of the next
 /// level.
@@ -33,6 +52,7 @@ struct ClearanceImage {
   std::int32_t is_blocked_outside = 0;
   /// Inward unit normals of the planes through the eye and the border of the image.
   float border[4][3] = {};
+  DepthWindows windows;
 
   /// Numbers in an array of a level.
   std::size_t num_places(int level) const {
@@ -87,6 +107,42 @@ PALPATE_HOSTDEV inline void merge_depths(const ClearanceImage& image, int level,
   farthest[at] = most;
 }
 
+/// A part of the making of windows: each is the least of four, which lie `apart` and start at every
+/// `step` of those that they are made from.
+struct WindowMerge {
+  std::int32_t wide = 0, high = 0;  ///< there are, to merge
+  std::int32_t step = 1, apart = 1;
+
+  PALPATE_HOSTDEV std::int32_t merged_wide() const { return (wide - 1) / step + 1; }
+  PALPATE_HOSTDEV std::int32_t merged_high() const { return (high - 1) / step + 1; }
+  PALPATE_HOSTDEV float least(const float* from, std::int32_t column, std::int32_t row) const {
+    const std::int32_t left = column * step, top = row * step;
+    const std::int32_t right = left + apart < wide ? left + apart : left;
+    const float* const upper = from + top * wide;
+    const float* const lower = top + apart < high ? upper + apart * wide : upper;
+    const float above = upper[left] < upper[right] ? upper[left] : upper[right];
+    const float below = lower[left] < lower[right] ? lower[left] : lower[right];
+    return above < below ? above : below;
+  }
+};
+
+/// Makes the windows of an image: copy(squares) writes the nearest depths of its squares of 4 x 4
+/// pixels in rows, merge(part, from, to) merges. `scratch` has room for the squares twice.
+template <class Copy, class Merge>
+void make_windows(const ClearanceImage& image, float* scratch, float* windows, const Copy& copy,
+                  const Merge& merge) {
+  const DepthWindows& to = image.windows;
+  const std::int32_t wide = to.wide[0], high = to.high[0];
+  float* const pairs = scratch + wide * high;
+  copy(scratch);
+  merge(WindowMerge{wide, high, 1, 1}, scratch, pairs);
+  merge(WindowMerge{wide, high, 1, 2}, pairs, windows);
+  for (int k = 1; k < to.num_levels; ++k) {
+    merge(WindowMerge{to.wide[k - 1], to.high[k - 1], 2, 4}, windows + to.first[k - 1],
+          windows + to.first[k]);
+  }
+}
+
 /// Owns the arrays of a ClearanceImage in host memory.
 class ClearanceFrame {
  public:
@@ -101,6 +157,7 @@ class ClearanceFrame {
   ClearanceImage image_;
   std::uint64_t stamp_ = 0;
   std::vector<float> nearest_[ClearanceImage::kLevels], farthest_[ClearanceImage::kLevels];
+  std::vector<float> windows_, squares_;
 };
 
 }}  // namespace palpate::v0

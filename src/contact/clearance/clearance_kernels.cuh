@@ -6,6 +6,7 @@
 #include "src/gpu/internal/warp_lanes.cuh"
 
 #include "src/contact/clearance/body_distance.h"
+#include "src/contact/clearance/clearance_image_cuda.cuh"
 #include "src/contact/clearance/nearest_sphere.h"
 
 namespace palpate { inline namespace v0 { namespace {
@@ -135,28 +136,6 @@ __global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
   if (gpu::lane_id() == 0 && question.is_margin == 0 && least <= -question.limit) {
     question.found[pose] = Clearance{-question.limit};
   }
-}
-
-__global__ void take_blocks(const __grid_constant__ ClearanceImage image,
-                            const __grid_constant__ DepthFieldLevel pixels, float* nearest) {
-  const std::int32_t wide = image.blocks_wide[0], num = wide * image.blocks_high[0];
-  for (std::int32_t i = gpu::grid_thread(); i < num; i += gpu::grid_threads()) {
-    take_depths(image, pixels, i % wide, i / wide, nearest);
-  }
-}
-
-__global__ void merge_blocks(const __grid_constant__ ClearanceImage image, int level,
-                             float* nearest, float* farthest) {
-  const std::int32_t wide = 4 * image.blocks_wide[level], num = wide * 4 * image.blocks_high[level];
-  for (std::int32_t i = gpu::grid_thread(); i < num; i += gpu::grid_threads()) {
-    merge_depths(image, level, i % wide, i / wide, nearest, farthest);
-  }
-}
-
-constexpr int kThreads = 128;
-inline int blocks_for(std::size_t num, int each) {
-  const auto per_block = static_cast<std::size_t>(each);
-  return static_cast<int>((num + per_block - 1) / per_block);
 }
 
 }}}  // namespace palpate::v0

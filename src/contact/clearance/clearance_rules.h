@@ -51,6 +51,7 @@ struct ClearanceTool {
   const Sphere* spheres = nullptr;
   Vec3d p_TC;        ///< center of mass
   double reach = 0;  ///< from the origin to the farthest point of a sphere, m
+  Cluster ball;      ///< around all spheres
 };
 
 /// `tool` must outlive it.

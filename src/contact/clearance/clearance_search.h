@@ -72,8 +72,11 @@ struct ClearanceJob {
   ClearanceHit* each = nullptr;
 };
 
+struct PoseScreen;
+
 struct ClearanceKernels {
   void (*find_nearest)(const ClearanceJob& job, ClearanceHit& hit);
+  void (*screen_poses)(PoseScreen& screen);
 };
 
 /// An instruction set that the processor lacks is lowered. All give the same hits.

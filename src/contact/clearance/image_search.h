@@ -16,8 +16,6 @@ constexpr float kFarAway = 1e30f;  // squared distance beyond all that matters
 struct SphereLanes {
   CameraPoint<VecF> at;
   VecF radius;
-  VecI is_sphere;
-  std::size_t slot;
 };
 
 // The nearest part of an image that each lane has found.
@@ -93,14 +91,19 @@ class ImageSearch {
         enough_(enough),
         is_shared_(is_shared) {
     const auto& at = spheres.at;
-    // For one sphere this is the sphere itself, to the bit.
-    const auto middle = [&](VecF v) {
-      const float low = min_lane(select(lanes, v, splat(kFarAway)));
-      return 0.5f * (low + max_lane(select(lanes, v, splat(-kFarAway))));
-    };
-    middle_ = {middle(at.x), middle(at.y), middle(at.z)};
-    const VecF x = at.x - middle_.x, y = at.y - middle_.y, z = at.z - middle_.z;
-    from_middle_ = sqrt(x * x + y * y + z * z) * 1.0001f + 1e-6f;
+    if constexpr (kSingle) {
+      lane_ = first_lane(mask_bits(lanes));
+      radius_ = lane_of(spheres.radius, lane_);
+      middle_ = {lane_of(at.x, lane_), lane_of(at.y, lane_), lane_of(at.z, lane_)};
+    } else {
+      const auto middle = [&](VecF v) {
+        const float low = min_lane(select(lanes, v, splat(kFarAway)));
+        return 0.5f * (low + max_lane(select(lanes, v, splat(-kFarAway))));
+      };
+      middle_ = {middle(at.x), middle(at.y), middle(at.z)};
+      const VecF x = at.x - middle_.x, y = at.y - middle_.y, z = at.z - middle_.z;
+      from_middle_ = sqrt(x * x + y * y + z * z) * 1.0001f + 1e-6f;
+    }
     tighten();
   }
 
@@ -119,8 +122,12 @@ class ImageSearch {
   PALPATE_LANE_CODE float best() const { return best_; }
 
  private:
+  static constexpr int kVectors =
+      kLanes < kPerBlock ? kPerBlock / kLanes : 1;  // of sixteen squares
+
   // Lowers what can still matter to what has been found.
   PALPATE_LANE_CODE void tighten() {
+    if constexpr (kSingle) return tighten_one();
     if constexpr (kFront) {
       if (is_shared_) {
         const VecF value = sqrt(found_.distance2) - spheres_.radius;
@@ -142,10 +149,31 @@ class ImageSearch {
     reach2_ = reach_ >= 0 ? reach_ * reach_ : -1;
   }
 
+  // The same for one sphere.
+  PALPATE_LANE_CODE void tighten_one() {
+    float limit2 = lane_of(found_.distance2, lane_);
+    if constexpr (kFront) {
+      if (is_shared_) {
+        if (lane_of(found_.pixel, lane_) != -1) best_ = lesser(best_, root(limit2) - radius_);
+        const float limit = greater(best_ + radius_, 0.0f);
+        limit2 = limit * limit * 1.000002f;
+      }
+    } else if (!(root(limit2) + radius_ >= -best_)) {
+      limit2 = -1;
+    }
+    limit2_ = select(lanes_, splat(limit2), splat(-1.0f));
+    reach_ = limit2 >= 0 ? (1e-6f + root(limit2)) * 1.0001f : -1;
+    reach2_ = reach_ >= 0 ? reach_ * reach_ : -1;
+  }
+
   PALPATE_LANE_CODE bool is_done() const { return kFront && best_ < enough_; }
 
   template <int kLevel>
   PALPATE_LANE_CODE void visit_all(const Squares& squares) {
+    if constexpr (kSingle && kLevel > 0) {
+      const int wide = squares.right - squares.left + 1, high = squares.bottom - squares.top + 1;
+      if (wide * high <= kPerBlock) return visit_best<kLevel>(squares, wide, high);
+    }
     for (int row = squares.top; row <= squares.bottom; ++row) {
       for (int column = squares.left; column <= squares.right; ++column) {
         visit<kLevel>(column, row, false);
@@ -191,7 +219,6 @@ class ImageSearch {
   // nearest ones first.
   template <int kLevel>
   PALPATE_LANE_CODE void expand(int block_column, int block_row) {
-    constexpr int kVectors = kLanes < kPerBlock ? kPerBlock / kLanes : 1;
     const std::int32_t first = (block_row * image_.blocks_wide[kLevel] + block_column) * kPerBlock;
     constexpr float kSize = 1 << (2 * kLevel);
     const float span_x = (kSize - 1) * image_.per_fx, span_y = (kSize - 1) * image_.per_fy;
@@ -200,7 +227,7 @@ class ImageSearch {
     const VecF width = splat(static_cast<float>(image_.width));
     const VecF height = splat(static_cast<float>(image_.height));
     for (int k = 0; k < kVectors; ++k) {
-      const VecI id = (lane_ids() + k * kLanes) & (kPerBlock - 1);
+      const VecI id = number_of(k);
       const VecF column = to_float((id & 3) + 4 * block_column) * kSize;
       const VecF row = to_float((id >> 2) + 4 * block_row) * kSize;
       const VecF left = (column - image_.cx) * image_.per_fx;
@@ -213,6 +240,22 @@ class ImageSearch {
         bounds[k] = select((column < width) & (row < height), bounds[k], splat(kFarAway));
       }
     }
+    take_best(bounds, [&](int child, float nearest) {
+      const int column = 4 * block_column + (child & 3), row = 4 * block_row + (child >> 2);
+      if constexpr (kSingle && kLevel == 0) {
+        take(splat(nearest), column, row);
+        return false;
+      } else {
+        visit<kLevel>(column, row, true);
+        return true;
+      }
+    });
+  }
+
+  // Visits the nearest of sixteen squares while they come near enough, and visit(number, bound)
+  // wants more.
+  template <class Visit>
+  PALPATE_LANE_INLINE void take_best(VecF (&bounds)[kVectors], const Visit& visit) {
     while (!is_done()) {
       VecF least = bounds[0];
       for (int k = 1; k < kVectors; ++k) least = min(least, bounds[k]);
@@ -223,17 +266,45 @@ class ImageSearch {
         const std::uint32_t bits = mask_bits(bounds[k] == splat(nearest));
         if (bits != 0) child = k * kLanes + first_lane(bits);
       }
-      if constexpr (kSingle && kLevel == 0) {
-        const int column = 4 * block_column + (child & 3), row = 4 * block_row + (child >> 2);
-        return take(splat(nearest), column, row);
-      } else {
-        for (int k = 0; k < kVectors; ++k) {
-          const VecI id = (lane_ids() + k * kLanes) & (kPerBlock - 1);
-          bounds[k] = select(id == splat(child), splat(kFarAway), bounds[k]);
-        }
-        visit<kLevel>(4 * block_column + (child & 3), 4 * block_row + (child >> 2), true);
+      for (int k = 0; k < kVectors; ++k) {
+        bounds[k] = select(number_of(k) == splat(child), splat(kFarAway), bounds[k]);
       }
+      if (!visit(child, nearest)) return;
     }
+  }
+
+  // Numbers of squares in vector k of sixteen.
+  PALPATE_LANE_INLINE static VecI number_of(int k) {
+    return (lane_ids() + k * kLanes) & (kPerBlock - 1);
+  }
+
+  // Looks into up to sixteen squares of an image for one sphere, the nearest ones first.
+  template <int kLevel>
+  PALPATE_LANE_CODE void visit_best(const Squares& squares, int wide, int high) {
+    constexpr float kSize = 1 << (2 * kLevel);
+    const float span_x = (kSize - 1) * image_.per_fx, span_y = (kSize - 1) * image_.per_fy;
+    const float per_wide = 1.0f / static_cast<float>(wide);
+    const CameraPoint<VecF> middle{splat(middle_.x), splat(middle_.y), splat(middle_.z)};
+    VecF bounds[kVectors];
+    for (int k = 0; k < kVectors; ++k) {
+      const VecI id = number_of(k), row_in = to_int((to_float(id) + 0.5f) * per_wide);
+      const VecI is_there = row_in < splat(high);
+      const VecI row = select(is_there, row_in, VecI{}) + squares.top;
+      const VecI column = id + row_in * -wide + squares.left;
+      const VecI place = ((row >> 2) * image_.blocks_wide[kLevel] + (column >> 2)) * kPerBlock +
+                         ((row & 3) << 2) + (column & 3);
+      const VecF left = (to_float(column) * kSize - image_.cx) * image_.per_fx;
+      const VecF top = (to_float(row) * kSize - image_.cy) * image_.per_fy;
+      const VecF bound =
+          bound_of(middle, {left, left + span_x, top, top + span_y},
+                   gather(image_.nearest[kLevel], place), gather(image_.farthest[kLevel], place));
+      bounds[k] = select(is_there, bound, splat(kFarAway));
+    }
+    take_best(bounds, [&](int child, float) {
+      const int row = child / wide;
+      expand<kLevel - 1>(squares.left + child - row * wide, squares.top + row);
+      return true;
+    });
   }
 
   // Measures all lanes to the ray of a pixel.
@@ -264,6 +335,8 @@ class ImageSearch {
   bool is_shared_;
   CameraPoint<float> middle_;
   VecF from_middle_;
+  int lane_ = 0;      // of the only sphere
+  float radius_ = 0;  // of it
   VecF limit2_;   // squared distance above which nothing matters to a lane; negative: nothing does
   float reach_;   // from the middle, to all that matters; negative: nothing does
   float reach2_;  // its square; negative likewise

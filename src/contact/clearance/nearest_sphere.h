@@ -2,6 +2,7 @@
 // kernel files only, of processors and of GPUs.
 #pragma once
 
+#include "src/contact/clearance/depth_around.h"
 #include "src/contact/clearance/sphere_sight.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
@@ -13,7 +14,7 @@ class VectorSearch {
       : job_(job), slot_(slot), hit_(hit), id_(load(&job.spheres.sphere_id[slot])) {}
 
   PALPATE_LANE_CODE void run() {
-    lanes_ = spheres_at(job_, job_.cameras[0], slot_).is_sphere;
+    lanes_ = id_ >= splat(0);
     if (job_.cameras[0].seen_free != nullptr) return run_hull();
     for (int k = 0; k < job_.num_cameras; ++k) run_alone(k);
   }
@@ -62,9 +63,12 @@ class VectorSearch {
   PALPATE_LANE_CODE void run_alone(int camera) {
     const Image& image = *job_.cameras[camera].field;
     const SphereLanes spheres = spheres_at(job_, job_.cameras[camera], slot_);
+    const VecF bound = bound_around(image, spheres.at, spheres.radius, splat(best()));
+    const VecI lanes = lanes_ & (bound < splat(best()));
+    if (!is_any_set(lanes)) return;
     const Sight sight = sight_of(image, spheres);
-    const VecI inside = lanes_ & sight.is_solid;
-    const VecI outside = lanes_ & ~sight.is_solid & (spheres.radius > splat(-best()));
+    const VecI inside = lanes & sight.is_solid;
+    const VecI outside = lanes & ~sight.is_solid & (spheres.radius > splat(-best()));
     if (is_any_set(inside)) {
       if (is_any_set(inside & (-spheres.radius < splat(job_.enough)))) {
         hit_.value = -1e9f;
@@ -79,31 +83,34 @@ class VectorSearch {
                 found);
     float value = best();
     if (job_.each == nullptr && value > 0) {
-      find_first(image, spheres, sight, outside, value, found);
+      find_first(image, spheres, bound, outside, value, found);
     } else {
-      look_outside<false>(image, spheres, sight, outside, value, job_.enough, job_.each == nullptr,
-                          found);
+      look_outside<false>(image, spheres, outside, value, job_.enough, job_.each == nullptr, found);
     }
     keep(outside & (found.pixel != splat(-1)), sqrt(found.distance2) - spheres.radius, found,
          camera, true, false);
   }
 
-  // Searches for the sphere that seems to be the nearest, then for all others together, which only
-  // have to beat that.
-  PALPATE_LANE_CODE void find_first(const Image& image, const SphereLanes& spheres,
-                                    const Sight& sight, VecI lanes, float& value, Found& found) {
-    const VecF seems = select(lanes, sqrt(found.distance2) - spheres.radius, splat(kFarAway));
-    const int lane = first_lane(mask_bits(seems == splat(min_lane(seems))));
-    const VecI is_it = lane_ids() == splat(lane);
-    look_outside<true>(image, spheres, sight, is_it, value, job_.enough, true, found);
-    lanes &= ~is_it;
-    const std::int32_t pixel = lane_of(found.pixel, lane);
-    if (pixel >= 0) {
+  // Searches for the sphere that seems to be the nearest, then for others that may be nearer, those
+  // with the least bound first. The pixel that is nearest to one is often near to others, too.
+  PALPATE_LANE_CODE void find_first(const Image& image, const SphereLanes& spheres, VecF bound,
+                                    VecI lanes, float& value, Found& found) {
+    VecF rank = sqrt(found.distance2) - spheres.radius;
+    while (true) {
+      rank = select(lanes, rank, splat(kFarAway));
+      const int lane = first_lane(mask_bits(rank == splat(min_lane(rank))));
+      const VecI is_it = lane_ids() == splat(lane);
+      look_outside<true>(image, spheres, is_it, value, job_.enough, true, found);
+      if (value < job_.enough) return;
+      lanes &= ~is_it & (bound <= splat(value));
+      if (!is_any_set(lanes)) return;
+      rank = bound;
+      const std::int32_t pixel = lane_of(found.pixel, lane);
+      if (pixel < 0) continue;
       const std::int32_t column = pixel % image.width, row = pixel / image.width;
       offer<true>(image, spheres, lanes, splat(column), splat(row),
                   splat(image.nearest[0][image.place(0, column, row)]), found);
     }
-    look_outside<false>(image, spheres, sight, lanes, value, job_.enough, true, found);
   }
 
   // Searches for one sphere at a time, the one that may be the deepest first. The free pixel that
@@ -181,7 +188,7 @@ PALPATE_LANE_CODE inline void VectorSearch::run_hull() {
     if (!is_any_set(here)) continue;
     Found found = start(radius);
     float value = best();
-    look_outside<false>(image, spheres, sight, here, value, job_.enough, false, found);
+    look_outside<false>(image, spheres, here, value, job_.enough, false, found);
     is_free |= here;
     may_win &= ~(here & (found.pixel == splat(-1)));
     nearest.take(here & (found.distance2 > nearest.found.distance2), found, k, false);
@@ -200,7 +207,7 @@ PALPATE_LANE_CODE inline void VectorSearch::run_hull() {
     if (!is_any_set(here)) continue;
     Found found = of_fields.found;
     float value = best();
-    look_outside<false>(image, spheres, sight, here, value, job_.enough, false, found);
+    look_outside<false>(image, spheres, here, value, job_.enough, false, found);
     of_fields.take(here & (found.distance2 < of_fields.found.distance2), found, k, true);
   }
   const VecI outside = may_win & (is_free | ~is_in_some);
@@ -245,50 +252,61 @@ PALPATE_LANE_CODE inline void VectorSearch::run_hull() {
   keep_each(inside, to_free, values, true);
 }
 
-PALPATE_LANE_CODE inline CameraPoint<float> center_of(const ClearanceCamera& camera,
-                                                      const Cluster& ball) {
-  const auto row = [&](int k) {
-    const float(&r)[3] = camera.R_CT[k];
-    return r[0] * ball.center.x + r[1] * ball.center.y + r[2] * ball.center.z + camera.p_CT[k];
-  };
-  return {row(0), row(1), row(2)};
-}
+// Bounds of the clearance of up to sixteen clusters, by the balls around them, before cameras by
+// themselves. kFarAway of clusters that are not there.
+struct ClusterBounds {
+  static constexpr int kNum = SphereClusters::kClustersPerGroup;
+  static constexpr int kVectors = kLanes < kNum ? kNum / kLanes : 1;
+  VecF vectors[kVectors];
 
-// Distance of a cluster's ball to the surface of its middle's pixel, for the order of clusters.
-PALPATE_LANE_CODE inline float rank_of(const ClearanceJob& job, const Cluster& ball) {
-  const Image& image = *job.cameras[0].field;
-  const CameraPoint<float> p = center_of(job.cameras[0], ball);
-  if (!(p.z > 1e-3f)) return 0;
-  const float u = p.x / p.z * image.fx + image.cx + 0.5f;
-  const float v = p.y / p.z * image.fy + image.cy + 0.5f;
-  if (!(u >= 0 && v >= 0 && u < static_cast<float>(image.width) &&
-        v < static_cast<float>(image.height))) {
-    return 0;
-  }
-  const int place = image.place(1, static_cast<int>(u) >> 2, static_cast<int>(v) >> 2);
-  return image.nearest[1][place] - p.z - ball.reach;
-}
-
-// True if cameras by themselves see only what is farther away than a ball and `best` around it.
-PALPATE_LANE_CODE inline bool is_far_in_front(const ClearanceJob& job, const Cluster& ball,
-                                              float best) {
-  if (job.cameras[0].seen_free != nullptr) return false;
-  const float reach = (ball.reach + best) * 1.0001f;
-  if (!(reach > 0)) return false;
-  for (int k = 0; k < job.num_cameras; ++k) {
-    const ClearanceCamera& camera = job.cameras[k];
-    const Image& image = *camera.field;
-    const CameraPoint<float> p = center_of(camera, ball);
-    const Squares squares = squares_around(image, p, reach);
-    for (int row = squares.top; row <= squares.bottom; ++row) {
-      for (int column = squares.left; column <= squares.right; ++column) {
-        const std::int32_t place = image.place(squares.level, column, row);
-        if (image.nearest[squares.level][place] <= p.z + reach) return false;
+  PALPATE_LANE_CODE ClusterBounds(const ClearanceJob& job, int first, int num, float best) {
+    for (int k = 0; k < kVectors; ++k) {
+      const VecI id = lane_ids() + k * kLanes;
+      const VecI is_there = id < splat(num);
+      VecF bound = splat(-kFarAway);
+      if (num > 1 && job.cameras[0].seen_free == nullptr) {
+        bound = splat(best);
+        const VecI at = select(is_there, id, VecI{}) + first;
+        for (int camera = 0; camera < job.num_cameras; ++camera) {
+          bound = min(bound, before_camera(job, job.cameras[camera], at, best));
+        }
       }
+      vectors[k] = select(is_there, bound, splat(kFarAway));
     }
   }
-  return true;
-}
+
+  // Returns the number of the cluster that seems to be the nearest, once; -1 if none is below
+  // `best`.
+  PALPATE_LANE_CODE int take_nearest(float best) {
+    VecF least = vectors[0];
+    for (int k = 1; k < kVectors; ++k) least = min(least, vectors[k]);
+    const float nearest = min_lane(least);
+    if (!(nearest < best)) return -1;
+    for (int k = 0; k < kVectors; ++k) {
+      const std::uint32_t bits = mask_bits(vectors[k] == splat(nearest));
+      if (bits == 0) continue;
+      const int lane = first_lane(bits);
+      vectors[k] = select(lane_ids() == splat(lane), splat(kFarAway), vectors[k]);
+      return k * kLanes + lane;
+    }
+    return -1;
+  }
+
+ private:
+  PALPATE_LANE_CODE static VecF before_camera(const ClearanceJob& job,
+                                              const ClearanceCamera& camera, VecI cluster,
+                                              float best) {
+    const float* const balls = &job.spheres.clusters->center.x;
+    const VecI at = cluster * static_cast<int>(sizeof(Cluster) / sizeof(float));
+    const VecF x = gather(balls, at), y = gather(balls + 1, at), z = gather(balls + 2, at);
+    const auto row = [&](int k) {
+      const float(&r)[3] = camera.R_CT[k];
+      return r[0] * x + r[1] * y + r[2] * z + camera.p_CT[k];
+    };
+    const VecF reach = gather(&job.spheres.clusters->reach, at);
+    return bound_around(*camera.field, {row(0), row(1), row(2)}, reach, splat(best));
+  }
+};
 
 // Searches all spheres, cluster by cluster, those that seem to be the nearest first.
 PALPATE_LANE_CODE inline void search_clusters(const ClearanceJob& job, ClearanceHit& hit) {
@@ -296,24 +314,14 @@ PALPATE_LANE_CODE inline void search_clusters(const ClearanceJob& job, Clearance
   hit = {};
   hit.value = job.limit;
   const ClusterView& spheres = job.spheres;
-  for (int group = 0; group < spheres.num_groups; ++group) {
-    const int first = group * kPerGroup;
+  for (int first = 0; first < spheres.num_clusters; first += kPerGroup) {
     const int num = lesser(kPerGroup, spheres.num_clusters - first);
-    if (is_far_in_front(job, spheres.groups[group], hit.value)) continue;
-    float ranks[kPerGroup];
-    int order[kPerGroup];
-    for (int k = 0; k < num; ++k) {
-      ranks[k] = rank_of(job, spheres.clusters[first + k]);
-      int i = k;
-      for (; i > 0 && ranks[order[i - 1]] > ranks[k]; --i) order[i] = order[i - 1];
-      order[i] = k;
-    }
-    for (int k = 0; k < num; ++k) {
-      const int cluster = first + order[k];
-      const int num_spheres = lesser(kSize, spheres.num_spheres - cluster * kSize);
-      if (is_far_in_front(job, spheres.clusters[cluster], hit.value)) continue;
+    ClusterBounds bounds(job, first, num, hit.value);
+    for (int k = bounds.take_nearest(hit.value); k >= 0; k = bounds.take_nearest(hit.value)) {
+      const int from = (first + k) * kSize;
+      const int num_spheres = lesser(kSize, spheres.num_spheres - from);
       for (int i = 0; i < num_spheres; i += kLanes) {
-        VectorSearch(job, static_cast<std::size_t>(cluster * kSize + i), hit).run();
+        VectorSearch(job, static_cast<std::size_t>(from + i), hit).run();
         if (hit.value < job.enough || hit.value <= -job.deepest) return;
       }
     }

@@ -13,10 +13,26 @@ namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 inline VecI select(Mask mask, VecI a, VecI b) { return mask ? a : b; }
 inline float lane_of(VecF a, int lane) { return a[lane]; }
 inline std::int32_t lane_of(VecI a, int lane) { return a[lane]; }
+inline float root(float v) { return __builtin_sqrtf(v); }
 inline int first_lane(std::uint32_t bits) { return __builtin_ctz(bits); }
 
 /// Vector k of sixteen numbers.
 inline VecF load_part(const float* from, int k) { return load(from + k * kLanes); }
+
+/// table[index[i]] for each lane.
+inline VecI pick(const std::int32_t (&table)[8], VecI index) {
+#if PALPATE_LANES == 16
+  const __m256i entries = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(table));
+  return reinterpret_cast<VecI>(
+      _mm512_permutexvar_epi32(reinterpret_cast<__m512i>(index), _mm512_castsi256_si512(entries)));
+#elif PALPATE_LANES == 8
+  const __m256i entries = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(table));
+  return reinterpret_cast<VecI>(
+      _mm256_permutevar8x32_epi32(entries, reinterpret_cast<__m256i>(index)));
+#else
+  return gather(table, index);
+#endif
+}
 
 /// The least number of all lanes.
 inline float min_lane(VecF v) {

@@ -28,12 +28,10 @@ struct Sight {
   VecI is_in_image;
   VecI column, row;
   VecF depth;
-  BorderDistance border;
 };
 PALPATE_LANE_INLINE Sight sight_of(const Image& image, const SphereLanes& spheres) {
   const CameraPoint<VecF>& p = spheres.at;
   Sight sight;
-  sight.border = border_distance(image, p);
   const VecI is_in_front = p.z > splat(1e-3f);
   const VecF per_z = 1.0f / select(is_in_front, p.z, splat(1.0f));
   const VecF u = p.x * per_z * image.fx + (image.cx + 0.5f);
@@ -59,26 +57,29 @@ PALPATE_LANE_INLINE SphereLanes spheres_at(const ClearanceJob& job, const Cleara
     const float(&r)[3] = camera.R_CT[k];
     return r[0] * x + r[1] * y + r[2] * z + camera.p_CT[k];
   };
-  SphereLanes lanes{{row(0), row(1), row(2)}, load(&c.radius[slot]), {}, slot};
-  lanes.is_sphere = load(&c.sphere_id[slot]) >= splat(0);
-  return lanes;
+  return {{row(0), row(1), row(2)}, load(&c.radius[slot])};
 }
 
 // A border in place of a pixel: -2 - its number.
 PALPATE_LANE_INLINE VecI border_pixel(VecI number) { return ~number + (-1); }
 
+// Takes the border of an image where it is nearer than what a lane has.
+PALPATE_LANE_INLINE void offer_border(const Image& image, const SphereLanes& spheres, VecI lanes,
+                                      Found& found) {
+  const BorderDistance border = border_distance(image, spheres.at);
+  const VecF d = max(border.value, VecF{});
+  const VecI is_nearer = lanes & (d * d < found.distance2);
+  found.distance2 = select(is_nearer, d * d, found.distance2);
+  found.pixel = select(is_nearer, border_pixel(border.number), found.pixel);
+}
+
 // Finds the nearest solid space in an image, or border, from outside of it. `kSingle`: for one
 // lane.
 template <bool kSingle>
 PALPATE_LANE_CODE inline void look_outside(const Image& image, const SphereLanes& spheres,
-                                           const Sight& sight, VecI lanes, float& best,
-                                           float enough, bool is_shared, Found& found) {
-  if (image.is_blocked_outside != 0) {
-    const VecF d = max(sight.border.value, VecF{});
-    const VecI is_nearer = lanes & (d * d < found.distance2);
-    found.distance2 = select(is_nearer, d * d, found.distance2);
-    found.pixel = select(is_nearer, border_pixel(sight.border.number), found.pixel);
-  }
+                                           VecI lanes, float& best, float enough, bool is_shared,
+                                           Found& found) {
+  if (image.is_blocked_outside != 0) offer_border(image, spheres, lanes, found);
   if (!is_any_set(lanes)) return;
   ImageSearch<true, kSingle> search(image, spheres, lanes, found, best, enough, is_shared);
   search.run();
@@ -92,10 +93,7 @@ PALPATE_LANE_CODE inline void look_inside(const Image& image, const SphereLanes&
                                           Found& found) {
   if (!is_any_set(lanes)) return;
   if (image.is_blocked_outside == 0) {
-    const VecF d = max(sight.border.value, VecF{});
-    const VecI is_nearer = lanes & sight.is_in_image & (d * d < found.distance2);
-    found.distance2 = select(is_nearer, d * d, found.distance2);
-    found.pixel = select(is_nearer, border_pixel(sight.border.number), found.pixel);
+    offer_border(image, spheres, lanes & sight.is_in_image, found);
   }
   ImageSearch<false, kSingle>(image, spheres, lanes, found, best, 0, false).run();
 }

@@ -35,6 +35,7 @@ struct PointDistance {
 struct SurfaceWindow {
   /// Largest change of depth from pixel to pixel of one surface, share.
   static constexpr double kSurfaceStep = 0.012;
+  static constexpr int kMostReach = 4;  ///< pixels on each side
 
   const ClearanceImage& image;
   int u, v;
@@ -47,7 +48,11 @@ struct SurfaceWindow {
   PALPATE_HOSTDEV bool has(int i, int j) const {
     const int at_u = u + i, at_v = v + j;
     if (at_u < 0 || at_v < 0 || at_u >= image.width || at_v >= image.height) return false;
-    const double here = depth_at(at_u, at_v);
+    return is_near(depth_at(at_u, at_v), i, j);
+  }
+
+  /// True if a depth above 0 is of one surface with the middle, so many pixels apart.
+  PALPATE_HOSTDEV bool is_near(double here, int i, int j) const {
     const int steps = greater(greater(i < 0 ? -i : i, j < 0 ? -j : j), 1);
     return std::abs(here - depth) <= kSurfaceStep * steps * lesser(here, depth);
   }
@@ -55,22 +60,38 @@ struct SurfaceWindow {
   /// N with N . x = 1 on the plane through those within `reach` pixels: the inverse depth is linear
   /// in the image. Least squares. False: the pixels lie on a line.
   PALPATE_HOSTDEV bool fit(int reach, Vec3d& N) const {
-    double n = 0, i1 = 0, j1 = 0, ii = 0, ij = 0, jj = 0, y = 0, iy = 0, jy = 0;
+    constexpr int kMost = 2 * kMostReach + 1;
+    const int num = 2 * reach + 1;
+    std::int32_t places[kMost];  // of columns in a row; -1: there is none
+    for (int i = 0; i < num; ++i) {
+      const int at_u = u + i - reach;
+      places[i] = at_u < 0 || at_u >= image.width ? -1 : image.place(0, at_u, 0);
+    }
+    int count = 0, sum_i = 0, sum_j = 0, sum_ii = 0, sum_ij = 0, sum_jj = 0;
+    double y = 0, iy = 0, jy = 0;
     for (int j = -reach; j <= reach; ++j) {
-      for (int i = -reach; i <= reach; ++i) {
-        if (!has(i, j)) continue;
-        const double inverse = 1 / depth_at(u + i, v + j);
-        n += 1;
-        i1 += i;
-        j1 += j;
-        ii += i * i;
-        ij += i * j;
-        jj += j * j;
-        y += inverse;
-        iy += i * inverse;
-        jy += j * inverse;
+      const int at_v = v + j;
+      if (at_v < 0 || at_v >= image.height) continue;
+      const float* const row = image.nearest[0] + image.place(0, 0, at_v);
+      double inverse[kMost];  // 0: of another surface
+      for (int i = 0; i < num; ++i) {
+        const double here = places[i] < 0 ? 0.0 : static_cast<double>(row[places[i]]);
+        inverse[i] = places[i] >= 0 && is_near(here, i - reach, j) ? 1 / here : 0.0;
+      }
+      for (int k = 0; k < num; ++k) {
+        const int i = k - reach, is_there = inverse[k] > 0 ? 1 : 0;
+        count += is_there;
+        sum_i += is_there * i;
+        sum_j += is_there * j;
+        sum_ii += is_there * i * i;
+        sum_ij += is_there * i * j;
+        sum_jj += is_there * j * j;
+        y += inverse[k];
+        iy += i * inverse[k];
+        jy += j * inverse[k];
       }
     }
+    const double n = count, i1 = sum_i, j1 = sum_j, ii = sum_ii, ij = sum_ij, jj = sum_jj;
     const double a = ii - i1 * i1 / n, b = ij - i1 * j1 / n, c = jj - j1 * j1 / n;
     const double by_u = iy - i1 * y / n, by_v = jy - j1 * y / n, determinant = a * c - b * b;
     if (!(determinant > 0.1 * n)) return false;
@@ -113,7 +134,7 @@ PALPATE_HOSTDEV inline PointDistance refined_distance(const ClearanceImage& imag
   const PointDistance plain{outward * distance,
                             distance > 0 ? apart * (outward / distance) : Vec3d{0, 0, -1}};
   if (t != depth) return plain;  // beside a surface, or behind its back
-  for (int reach = 4; reach > 0; reach /= 2) {
+  for (int reach = SurfaceWindow::kMostReach; reach > 0; reach /= 2) {
     Vec3d N;
     if (!window.fit(reach, N)) continue;
     const double length = norm(N), off = (1 - dot(N, p)) / length;

@@ -84,20 +84,14 @@ __global__ void place_frames(const __grid_constant__ TreeJob job) {
 /// Returns a number (m) that no sphere of a ball is clear by less than, at most `limit`.
 __device__ inline float clear_before(const ClearanceCamera& camera, const Cluster& ball,
                                      float limit) {
-  constexpr float kRounding = 1.0001f;  // as is_far_in_front
-  const float reach = (ball.reach + limit) * kRounding;
-  if (!(reach > 0)) return -isa_warp::kFarAway;
-  const ClearanceImage& image = *camera.field;
-  const CameraPoint<float> p = isa_warp::center_of(camera, ball);
-  const isa_warp::Squares squares = isa_warp::squares_around(image, p, reach);
-  float nearest = isa_warp::kFarAway;
-  for (int row = squares.top; row <= squares.bottom; ++row) {
-    for (int column = squares.left; column <= squares.right; ++column) {
-      nearest =
-          lesser(nearest, image.nearest[squares.level][image.place(squares.level, column, row)]);
-    }
-  }
-  return lesser(limit, (nearest - p.z) / kRounding - ball.reach);
+  const auto row = [&](int k) {
+    const float(&r)[3] = camera.R_CT[k];
+    return isa_warp::splat(r[0] * ball.center.x + r[1] * ball.center.y + r[2] * ball.center.z +
+                           camera.p_CT[k]);
+  };
+  return isa_warp::bound_around(*camera.field, {row(0), row(1), row(2)},
+                                isa_warp::splat(ball.reach), isa_warp::splat(limit))
+      .v;
 }
 
 __global__ void bound_links(const __grid_constant__ TreeJob job) {

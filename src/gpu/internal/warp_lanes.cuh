@@ -57,6 +57,7 @@ PALPATE_LANE_OPERATOR(>=)
 PALPATE_LANE_OPERATOR(==)
 PALPATE_LANE_OPERATOR(!=)
 #undef PALPATE_LANE_OPERATOR
+PALPATE_HOSTDEV inline VecI operator>>(VecI a, VecI b) { return {a.v >> b.v}; }
 PALPATE_HOSTDEV inline VecF operator-(VecF a) { return {-a.v}; }
 PALPATE_HOSTDEV inline VecI operator~(VecI a) { return {~a.v}; }
 PALPATE_HOSTDEV inline VecI& operator|=(VecI& a, VecI b) { return a = a | b; }
@@ -67,9 +68,13 @@ PALPATE_HOSTDEV inline VecF select(VecI mask, VecF a, VecF b) { return mask.v !=
 PALPATE_HOSTDEV inline VecI select(VecI mask, VecI a, VecI b) { return mask.v != 0 ? a : b; }
 PALPATE_HOSTDEV inline VecF min(VecF a, VecF b) { return a.v < b.v ? a : b; }
 PALPATE_HOSTDEV inline VecF max(VecF a, VecF b) { return a.v > b.v ? a : b; }
+PALPATE_HOSTDEV inline VecF abs(VecF a) { return {a.v < 0 ? -a.v : a.v}; }
 PALPATE_HOSTDEV inline VecF sqrt(VecF a) { return {std::sqrt(a.v)}; }
+PALPATE_HOSTDEV inline float root(float a) { return std::sqrt(a); }
 PALPATE_HOSTDEV inline VecI to_int(VecF a) { return {static_cast<std::int32_t>(a.v)}; }
 PALPATE_HOSTDEV inline VecF to_float(VecI a) { return {static_cast<float>(a.v)}; }
+
+__device__ inline VecI bits_of(VecF a) { return {__float_as_int(a.v)}; }
 
 __device__ inline VecI lane_ids() { return {gpu::lane_id()}; }
 __device__ inline VecF load(const float* from) { return {from[gpu::lane_id()]}; }
@@ -77,6 +82,7 @@ __device__ inline VecI load(const std::int32_t* from) { return {from[gpu::lane_i
 /// Sixteen numbers, twice.
 __device__ inline VecF load_part(const float* from, int) { return {from[gpu::lane_id() % 16]}; }
 __device__ inline VecF gather(const float* table, VecI index) { return {table[index.v]}; }
+__device__ inline VecI pick(const std::int32_t (&table)[8], VecI index) { return {table[index.v]}; }
 __device__ inline std::uint32_t mask_bits(VecI mask) {
   return __ballot_sync(gpu::kWholeWarp, mask.v != 0);
 }

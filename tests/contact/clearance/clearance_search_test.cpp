@@ -125,5 +125,46 @@ TEST(ClearanceSearch, EqualsItsDefinitionForSeveralCameras) {
   }
 }
 
+TEST(ClearanceSearch, BallsBoundWhatIsSearched) {
+  Random random(73);
+  int num_far = 0, num_near = 0;
+  for (const DepthFieldOptions& field :
+       {DepthFieldOptions{}, DepthFieldOptions{.unknown = UnknownSpace::solid},
+        DepthFieldOptions{.unseen = UnseenSpace::free, .thickness = 0.02}}) {
+    const HullScene seen = test::rough_scene(1, field, random);
+    const std::vector<SurfaceView> surfaces = surfaces_of(seen);
+    const test::SolidScene truth(surfaces);
+    ThreadPool pool(1);
+    ClearanceScene scene;
+    ASSERT_TRUE(scene.update(surfaces, {}, pool));
+    const Tool tool = test::random_tool(21, 0.05, 3);
+    const ClearanceTool searched = clearance_tool(tool);
+    std::vector<Pose> poses;
+    for (int i = 0; i < 21; ++i) poses.push_back(random_pose(random));
+    PoseScreen screen;
+    for (const double limit : {0.2, 0.02}) {
+      std::vector<float> least;
+      for (const Isa isa : {Isa::baseline, Isa::avx2, Isa::avx512}) {
+        screen.X_WT = poses.data();
+        screen.num = static_cast<int>(poses.size());
+        screen.limit = static_cast<float>(limit);
+        std::fill_n(screen.tools, screen.num, &searched);
+        scene.place(screen, clearance_kernels(isa));
+        const std::vector<float> found(screen.least, screen.least + screen.num);
+        if (least.empty()) least = found;
+        EXPECT_EQ(found, least);
+      }
+      for (std::size_t i = 0; i < poses.size(); ++i) {
+        const double want = truth.clearance(tool, poses[i], limit);
+        EXPECT_LE(static_cast<double>(least[i]), want + 1e-7) << i;
+        num_far += least[i] == screen.limit;
+        num_near += want < limit;
+      }
+    }
+  }
+  EXPECT_GT(num_far, 10);
+  EXPECT_GT(num_near, 10);
+}
+
 }  // namespace
 }  // namespace palpate
