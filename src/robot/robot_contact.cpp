@@ -194,9 +194,10 @@ Status RobotContact::measure(const Scene& scene, const RobotPoses& poses,
       to.wants_clearance() || to.volume || to.wrench || to.joint_torque || to.unseen || to.held;
   if (!wants_more) return Done{};
   if (poses.gpu != kHostMemory) {
-    return Error{Errc::invalid_argument,
-                 "of configurations in the memory of a GPU the clearance, its link and its "
-                 "derivative are told alone; give the positions in host memory for more"};
+    return Error{
+        Errc::invalid_argument,
+        "a GPU tells the clearance, its link and its derivative of joints in its memory; give "
+        "the positions in host memory for more"};
   }
   const std::size_t n = robot.joints.size(), num_limbs = robot.limbs.size();
   const std::size_t total = poses.joints.size() / n;

@@ -19,7 +19,7 @@ namespace palpate { inline namespace v0 { namespace {
 
 constexpr unsigned long long kNoneRefused = ~0ull;
 
-/// What the search has found of a link.
+/// A hit of the search, and its link.
 struct LinkHit {
   ClearanceHit hit;
   std::int32_t link = -1;
@@ -282,7 +282,7 @@ class TreeOnGpu {
                       tools = tree_->frame_of_tool.size();
     constexpr std::size_t kByLink = 2 * sizeof(float) + sizeof(std::int32_t) + sizeof(LinkHit);
     const std::size_t each = frames * sizeof(Pose) + tools * kByLink + 2 * n * sizeof(double) + 128;
-    at_once_ = std::clamp<std::size_t>(kMostBytes / each, 1, std::size_t{1} << 16);
+    at_once_ = std::clamp<std::size_t>(kMaxBytes / each, 1, std::size_t{1} << 16);
     positions_ = memory_.take<double>(at_once_ * n);
     job_.X_WF = memory_.take<Pose>(at_once_ * frames);
     job_.bounds = memory_.take<float>(at_once_ * tools);
@@ -341,7 +341,7 @@ class TreeOnGpu {
   }
 
  private:
-  static constexpr std::size_t kMostBytes = 256u << 20;
+  static constexpr std::size_t kMaxBytes = 256u << 20;
 
   /// Calls f(array of the caller, staged one, numbers of a configuration, array of the job).
   template <class F>
