@@ -57,7 +57,6 @@ PALPATE_LANE_OPERATOR(>=)
 PALPATE_LANE_OPERATOR(==)
 PALPATE_LANE_OPERATOR(!=)
 #undef PALPATE_LANE_OPERATOR
-PALPATE_HOSTDEV inline VecI operator>>(VecI a, VecI b) { return {a.v >> b.v}; }
 PALPATE_HOSTDEV inline VecF operator-(VecF a) { return {-a.v}; }
 PALPATE_HOSTDEV inline VecI operator~(VecI a) { return {~a.v}; }
 PALPATE_HOSTDEV inline VecI& operator|=(VecI& a, VecI b) { return a = a | b; }
