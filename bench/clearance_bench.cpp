@@ -1,6 +1,9 @@
-// Clearance and yes/no of many poses: rates on one core, time to be ready for a frame, and how
-// right they are against exact solids, one CSV row for each.
-//   clearance_bench [--only rate|ready|solids|free|one]
+// Clearance and yes/no of many poses: rates on one core or a GPU, time to be ready for a frame, and
+// how right they are against exact solids; contact with several cameras and bodies. One CSV row for
+// each.
+//   clearance_bench [--gpu] [--only rate|ready|scene|solids|free|one]
+// With --gpu, `rate` and `scene` are measured on the first GPU, by the clock, from poses to results
+// in host memory.
 #include <cmath>
 #include <cstring>
 #include <optional>
@@ -23,28 +26,35 @@ double cpu_seconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-/// Returns the best CPU time of a call, s. The machine is shared.
+/// Returns the best time of a call, s: of the processor, since the machine is shared; with a GPU by
+/// the clock.
 template <class Work>
-double best_cpu_time(int num, const Work& work) {
+double best_time(int num, const Work& work, const Place& place = Place::cpu()) {
+  const bool is_cpu = place.backend == Backend::cpu;
   double best = 1e9;
   for (int i = 0; i < num; ++i) {
+    const auto begin = Clock::now();
     const double start = cpu_seconds();
     work();
-    best = std::min(best, cpu_seconds() - start);
+    best = std::min(best, is_cpu ? cpu_seconds() - start : 1e-6 * microseconds_since(begin));
   }
   return best;
 }
 
-SceneContact contact_of(const Tool& tool) {
+SceneContact contact_of(const Tool& tool, const Place& place = Place::cpu()) {
   const Tool* const one = &tool;
-  return value_or_stop(SceneContact::create({&one, 1}, FieldMethod{}, Place::cpu(), 1));
+  return value_or_stop(SceneContact::create({&one, 1}, FieldMethod{}, place, 1));
 }
 
 struct SeenWall {
+  explicit SeenWall(const Place& place = Place::cpu())
+      : sensor(
+            value_or_stop(Sensor::create({640, 480, frame.intrinsics}, place, {.num_threads = 1}))),
+        scene{.surfaces = {sensor.update(frame.image())}} {}
+
   WallFrame frame{640, 480};
-  Sensor sensor =
-      value_or_stop(Sensor::create({640, 480, frame.intrinsics}, Place::cpu(), {.num_threads = 1}));
-  Scene scene{.surfaces = {sensor.update(frame.image())}};
+  Sensor sensor;
+  Scene scene;
 };
 
 struct Found {
@@ -58,24 +68,78 @@ struct Found {
   SceneAnswers answers;
 };
 
-void rate() {
-  const SeenWall seen;
-  const SceneContact contact = contact_of(finger_tool(100));
-  constexpr int kNum = 100000;
+/// A finger at many poses: clearance with its gradient, and yes or no.
+void rate(const Place& place) {
+  const SeenWall seen(place);
+  const SceneContact contact = contact_of(finger_tool(100), place);
+  const int num = place.backend == Backend::cpu ? 100000 : 1 << 20;
   for (const Where where : {Where::view, Where::surface}) {
-    const std::vector<Pose> poses = finger_poses(kNum, where);
+    const std::vector<Pose> poses = finger_poses(num, where);
     const bool is_view = where == Where::view;
-    const std::string place = is_view ? "view" : "surface";
+    const std::string tail = std::string(is_view ? "/view" : "/surface") + "/spheres:100" +
+                             (place.backend == Backend::cpu ? "" : "/gpu");
     Found found(poses.size());
-    const double clearance =
-        best_cpu_time(7, [&] { (void)contact.measure(seen.scene, {poses}, found.answers); });
-    rows->add("clearance/" + place + "/spheres:100", kNum / clearance, "poses/s",
-              is_view ? 1e6 : 0.4e6);
+    const auto require = [](const Status& status) {
+      if (!status) stop(status.error());
+    };
+    const double clearance = best_time(
+        7, [&] { require(contact.measure(seen.scene, {poses}, found.answers)); }, place);
+    const bool is_gpu = place.backend != Backend::cpu;
+    rows->add("clearance" + tail, num / clearance, "poses/s", is_gpu ? 5e7 : is_view ? 1e6 : 0.4e6);
     std::vector<std::uint8_t> hits(poses.size());
-    const double any =
-        best_cpu_time(7, [&] { (void)contact.any(seen.scene, {poses}, 0.005, hits.data()); });
-    rows->add("any/" + place + "/spheres:100", kNum / any, "poses/s", is_view ? 2e6 : 1e6);
+    const double any = best_time(
+        7, [&] { require(contact.any(seen.scene, {poses}, 0.005, hits.data())); }, place);
+    rows->add("any" + tail, num / any, "poses/s", is_gpu ? 5e7 : is_view ? 2e6 : 1e6);
   }
+}
+
+/// Contact of 16,384 poses with three cameras and two bodies. On a GPU also its greatest difference
+/// to that of the CPU.
+void scene(const Place& place) {
+  constexpr int kNum = 16384;
+  const Tool& tool = finger_tool(1000);
+  const std::vector<Pose> poses = finger_poses(kNum, Where::surface, 0.1);
+  struct Results {
+    std::vector<double> volume, force;
+    double time = 0;
+  };
+  const auto measured = [&](const Place& at) {
+    std::vector<Sensor> sensors;
+    Scene scene;
+    for (const Pose& X_WC : cameras_around(3)) {
+      const std::vector<float> meters = test::depth_seen(solids().front().ray, test::vga(), X_WC);
+      sensors.push_back(value_or_stop(
+          Sensor::create(test::vga(), at, {.field = {.one_of_several = true}, .num_threads = 1})));
+      scene.surfaces.push_back(sensors.back().update(DepthImageView(640, 480, meters.data())));
+      scene.surfaces.back().X_WC = X_WC;
+    }
+    for (const double x : {-0.05, 0.05}) scene.bodies.emplace_back(tool, Pose{{x, 0, 0.97}, {}});
+    const SceneContact contact = contact_of(tool, at);
+    Results results{std::vector<double>(kNum), std::vector<double>(3 * kNum)};
+    SceneAnswers answers;
+    answers.contact.volume = results.volume.data();
+    answers.contact.force = results.force.data();
+    results.time = best_time(
+        5,
+        [&] {
+          const Status status = contact.measure(scene, {poses}, answers);
+          if (!status) stop(status.error());
+        },
+        at);
+    return results;
+  };
+  const Results here = measured(place);
+  double difference = 0;
+  if (place.backend != Backend::cpu) {
+    const Results expected = measured(Place::cpu());
+    for (std::size_t i = 0; i < kNum; ++i) {
+      difference = std::max(difference, std::abs(here.volume[i] - expected.volume[i]));
+    }
+  }
+  rows->add("scene/cameras:3/bodies:2/spheres:1000/poses:16384" +
+                std::string(place.backend == Backend::cpu ? "" : "/gpu"),
+            facts("ms=%.3f poses_per_s=%.4g worst_volume_difference=%.2g of the tool",
+                  1e3 * here.time, kNum / here.time, difference / tool.sphere_mass().volume));
 }
 
 /// A new stamp each time, so that nothing is kept.
@@ -86,7 +150,7 @@ void ready() {
   const std::vector<Pose> pose(1);
   std::uint8_t hit = 0;
   scene.surfaces[0].field.stamp = 0;
-  const double time = best_cpu_time(30, [&] { (void)contact.any(scene, {pose}, 0, &hit); });
+  const double time = best_time(30, [&] { (void)contact.any(scene, {pose}, 0, &hit); });
   rows->add("ready/640x480", 1e3 * time, "ms", 3);
 }
 
@@ -226,10 +290,10 @@ void one_pose() {
   std::vector<double> ratios;
   for (int turn = 0; turn < 30; ++turn) {
     double volume = 0;
-    const double by_scene = best_cpu_time(2, [&] {
+    const double by_scene = best_time(2, [&] {
       for (const Pose& X : poses) volume += contact.measure(seen.scene, X).penetration.volume;
     });
-    const double by_query = best_cpu_time(2, [&] {
+    const double by_query = best_time(2, [&] {
       for (const Pose& X : poses) {
         volume += query->measure(seen.scene.surfaces[0], X).penetration.volume;
       }
@@ -246,8 +310,10 @@ void one_pose() {
 
 int main(int argc, char** argv) {
   using namespace palpate::bench;
+  using palpate::Backend, palpate::Place;
   ResultRows all(argc, argv);
   std::string only, path;
+  const Place place = argc > 1 && std::strcmp(argv[1], "--gpu") == 0 ? Place::cuda() : Place::cpu();
   for (int i = 1; i + 1 < argc; ++i) {
     if (std::strcmp(argv[i], "--only") == 0) only = argv[i + 1];
     if (std::strcmp(argv[i], "--csv") == 0) path = argv[i + 1];
@@ -255,7 +321,9 @@ int main(int argc, char** argv) {
   if (!all.open(path)) return 1;
   rows = &all;
   const auto is_wanted = [&](const char* part) { return only.empty() || only == part; };
-  if (is_wanted("rate")) rate();
+  if (is_wanted("rate")) rate(place);
+  if (is_wanted("scene")) scene(place);
+  if (place.backend != Backend::cpu) return all.close() ? 0 : 1;
   if (is_wanted("ready")) ready();
   if (is_wanted("solids")) exact_solids();
   if (is_wanted("free")) free_space();

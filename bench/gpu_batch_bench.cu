@@ -1,7 +1,9 @@
 // Batches on this machine's GPU: device time of a call, one CSV row for each case, and the rate of
-// evaluated spheres. Also a distance grid at the same poses.
+// evaluated spheres. Also a distance grid at the same poses, and configurations of an arm: time of
+// a call that waits.
 //   gpu_batch_bench [--quick] [--gpu N] [--only WORD] [--warps]
 // With --warps every case is timed with 1, 2, 4 and 8 warps per pose.
+#include <cmath>
 #include <cstring>
 #include <string>
 #include <vector>
@@ -12,6 +14,8 @@
 #include "palpate/field/sensor.h"
 #include "palpate/gpu/devices.h"
 #include "src/contact/batch/field_batch_cuda.h"
+#include "src/contact/internal/joint_tree.h"
+#include "tests/test_util/arm_tree.h"
 
 namespace palpate::bench {
 namespace {
@@ -141,7 +145,86 @@ void measure_grid(int num_spheres, double cell, Where where) {
           [&] { gpu::launch(stream, shape, query_grid, job); });
 }
 
+/// Measures the time of a call that waits. `num`: configurations.
+template <class Call>
+void measure_waiting(const std::string& name, std::size_t num, const Call& call) {
+  if (!is_requested(name)) return;
+  std::vector<double> times;
+  for (int lap = -3; lap < options.laps; ++lap) {
+    const Clock::time_point start = Clock::now();
+    call();
+    if (lap >= 0) times.push_back(microseconds_since(start));
+  }
+  const CallTimes all = call_times(std::move(times));
+  rows->times(name, all,
+              facts("configurations_per_s=%.3g", 1e6 * static_cast<double>(num) / all.median));
+}
+
+/// Measures an arm in front of a wall, which a camera over its shoulder sees with 2 mm of noise.
+void measure_arm() {
+  const test::ArmTree arm = test::arm_tree();
+  test::Random random(2);
+  std::vector<float> depth;
+  for (int i = 0; i < 640 * 480; ++i) {
+    depth.push_back(static_cast<float>(1.4 + 0.002 * std::sqrt(3.0) * random.uniform(-1, 1)));
+  }
+  Sensor sensor = value_or_stop(Sensor::create(camera_of(640, 480), Place::cuda(options.gpu)));
+  DepthImageView image(640, 480, depth.data());
+  image.X_WC = {{-1, 0, 0.5}, {-0.5, 0.5, -0.5, 0.5}};  // looks along x
+  const Scene scene{.surfaces = {sensor.update(image)}};
+  const std::vector<const Tool*> tools = arm.pointers();
+  const SceneContact contact =
+      value_or_stop(SceneContact::create(tools, FieldMethod{}, Place::cuda(options.gpu)));
+  const std::size_t n = arm.num_positions();
+  const auto ask = [&](const JointPoses& poses, const TreeAnswers& answers) {
+    if (value_or_stop(measure_tree(contact, scene, poses, answers))) stop({});
+  };
+  constexpr std::size_t kMost = 262144;
+  const std::vector<double> anywhere = arm.random_positions(kMost, random);
+  std::vector<double> clearance(kMost), near;
+  ask({arm.tree, {}, anywhere}, {.clearance = clearance.data()});
+  std::size_t num_blocked = 0;
+  for (std::size_t i = 0; i < kMost; ++i) {
+    num_blocked += clearance[i] < 0;
+    if (!(std::abs(clearance[i]) < kClearanceLimit)) continue;
+    near.insert(near.end(), &anywhere[i * n], &anywhere[i * n] + n);
+  }
+  std::fprintf(stderr, "of the arm's configurations %.3f touch, %.3f are within 10 cm\n",
+               static_cast<double>(num_blocked) / kMost,
+               static_cast<double>(near.size() / n) / kMost);
+  for (std::size_t i = 0; near.size() < kMost * n; ++i) near.push_back(near[i]);
+  const std::string links =
+      std::to_string(tools.size()) + " links, " + std::to_string(arm.num_spheres()) + " spheres; ";
+  for (const bool is_near : {false, true}) {
+    const std::vector<double>& positions = is_near ? near : anywhere;
+    for (const std::size_t num : {std::size_t{16384}, kMost}) {
+      gpu::Memory memory(options.gpu);
+      const std::span<const double> some(positions.data(), num * n);
+      const JointPoses poses{arm.tree, {}, {memory.copy_of(some), num * n}, false, options.gpu};
+      auto* const to = memory.take<double>(num);
+      auto* const link = memory.take<std::int32_t>(num);
+      auto* const by_joint = memory.take<double>(num * n);
+      auto* const hits = memory.take<std::uint8_t>(num);
+      if (!memory.status()) stop(memory.status().error());
+      const std::string name = "robot: " + std::to_string(num) + " configurations of " + links +
+                               (is_near ? "within 10 cm" : "anywhere");
+      measure_waiting(name + "; clearance", num,
+                      [&] { ask(poses, {.clearance = to, .link = link}); });
+      measure_waiting(name + "; clearance and its derivative", num, [&] {
+        ask(poses, {.clearance = to, .link = link, .clearance_by_joint = by_joint});
+      });
+      measure_waiting(name + "; yes or no at 1 cm", num,
+                      [&] { ask(poses, {.hits = hits, .limit = 0.01}); });
+      std::vector<std::int32_t> links_of(num);
+      measure_waiting(name + "; clearance; host memory", num, [&] {
+        ask({arm.tree, {}, some}, {.clearance = clearance.data(), .link = links_of.data()});
+      });
+    }
+  }
+}
+
 void run() {
+  measure_arm();
   Sensor large = value_or_stop(Sensor::create(camera_of(640, 480), Place::cuda(options.gpu)));
   const std::vector<float> wall = wall_images(640, 480, 1);
   const SurfaceView surface = large.update({640, 480, wall.data()});

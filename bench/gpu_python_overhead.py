@@ -1,6 +1,7 @@
 """Cost of a batch on a GPU from Python: an asynchronous call, a synchronous one, and a replayed graph.
 
 16,384 poses of a finger of 100 spheres, each against its own 64 x 64 image, all arrays PyTorch's on the GPU; medians.
+Then palpate.torch, 1,000 spheres at the surface of one 640 x 480 image: gradient and Hessian over the plain batches.
 Usage: gpu_python_overhead.py   (the module palpate with CUDA, PyTorch)"""
 
 import time
@@ -21,6 +22,78 @@ def median_us(call, repetitions=200):
         call()
         times.append(time.perf_counter() - start)
     return 1e6 * float(np.median(times))
+
+
+def device_us(call, repetitions=60, calls=5):
+    """Median of the device's time of a call among a few in a row."""
+    for _ in range(3):
+        call()
+    times = []
+    for _ in range(repetitions):
+        marks = [torch.cuda.Event(enable_timing=True) for _ in range(2)]
+        marks[0].record()
+        for _ in range(calls):
+            call()
+        marks[1].record()
+        marks[1].synchronize()
+        times.append(1e3 * marks[0].elapsed_time(marks[1]) / calls)
+    return float(np.median(times))
+
+
+def captured(call):
+    side = torch.cuda.Stream()
+    with torch.cuda.stream(side):
+        call()
+    side.synchronize()
+    graph = torch.cuda.CUDAGraph()
+    with torch.cuda.graph(graph, stream=side):
+        call()
+    return graph.replay
+
+
+def gradients(tool):
+    """palpate.torch beside the batches that it asks: medians by turns in one process, us."""
+    from palpate.torch import penetration
+
+    depth, camera, _ = palpate.render_scene("wall")
+    surface = palpate.Sensor(camera, place="cuda").update(depth)
+    contact = palpate.Contact(tool, place="cuda")
+    random = np.random.default_rng(2)
+    q = random.normal(size=(NUM, 4))
+    points = palpate.Sensor(camera).update(depth).points[100:380, 150:490].reshape(-1, 3)
+    p = points[random.choice(len(points), NUM)] + random.uniform(-0.03, 0.01, (NUM, 1)) * [0, 0, 1]
+    numbers = np.concatenate([p, q / np.linalg.norm(q, axis=1)[:, None]], axis=1)
+    poses = torch.from_numpy(numbers).cuda().requires_grad_()
+    fixed = poses.detach()
+
+    def empty(*shape):
+        return torch.empty(NUM, *shape, dtype=torch.float64, device="cuda")
+
+    made = {"volume": empty(), "potential": empty(), "force": empty(3), "torque": empty(3)}
+    plain, stiff = palpate.Batch(**made), palpate.Batch(**made, stiffness=empty(6, 6))
+
+    def batch():
+        contact.measure_batch(surface, fixed, out=plain, stream=torch.cuda.current_stream())
+
+    def batch_with_stiffness():
+        contact.measure_batch(surface, fixed, stiffness=True, out=stiff, stream=torch.cuda.current_stream())
+
+    def gradient():
+        return torch.autograd.grad(penetration(contact, surface, poses).potential.sum(), poses)
+
+    def hessian():
+        potential = penetration(contact, surface, poses, second=True).potential
+        (first,) = torch.autograd.grad(potential.sum(), poses, create_graph=True)
+        return torch.autograd.grad(first.sum(), poses)
+
+    batch()
+    torch.cuda.synchronize()
+    print(f"at the surface, {len(tool.spheres)} spheres, {(made['volume'] > 0).float().mean():.0%} touch")
+    for way in (lambda call: call, captured):
+        named = "replayed" if way is captured else "asked"
+        times = {call.__name__: device_us(way(call)) for call in (batch, gradient, batch_with_stiffness, hessian)}
+        for over, under in (("gradient", "batch"), ("hessian", "batch_with_stiffness")):
+            print(f"{over} {named}: {times[over]:.1f} us, over {under} {times[under]:.1f} us: {times[over] / times[under]:.3f}")
 
 
 def main():
@@ -60,6 +133,7 @@ def main():
     print(f"{torch.cuda.get_device_name()}: {NUM} poses x 100 spheres, {(made['volume'] > 0).float().mean():.0%} touch")
     for name, call in (("asked", ask), ("asked and waited for", ask_and_wait), ("replayed and waited for", replay_and_wait)):
         print(f"{name}: {median_us(call):.1f} us")
+    gradients(palpate.pack(vertices, np.array(faces), 1000))
 
 
 if __name__ == "__main__":

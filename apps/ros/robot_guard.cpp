@@ -351,7 +351,7 @@ Status run_guard(const TouchOptions& touch, const GuardOptions& given) {
   if (!joints) return joints.error();
   const auto filter = SelfFilter::create(robot->shapes(), *joints, touch.robot.filter);
   if (!filter) return filter.error();
-  auto contact = RobotContact::create(*robot, 1);
+  auto contact = RobotContact::create(*robot, Place::cpu(), 1);
   if (!contact) return contact.error();
   Guard guard(*robot, *std::move(contact), *joints, X_WB, touch, options);
   if (const Status status = guard.open(*filter); !status) return status;

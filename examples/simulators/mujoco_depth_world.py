@@ -1,9 +1,9 @@
 """A peg and an arm of MuJoCo in the room of a depth frame.
 
     pip install palpate-*.whl -r requirements.txt
-    python3 mujoco_depth_world.py [--frame depth.png --intrinsics fx,fy,cx,cy] [--seconds 3]
+    python3 mujoco_depth_world.py [--frame depth.png --intrinsics fx,fy,cx,cy | --camera URI] [--seconds 3]
 
-MuJoCo keeps its own contacts; to them, `feel` adds those with what the camera sees, as xfrc_applied. The step is
+With --camera (palpate cameras lists them) the room is that of the newest image of a camera that stands still. MuJoCo keeps its own contacts; to them, `feel` adds those with what the camera sees, as xfrc_applied. The step is
 semi-implicit: A is J M^-1 J^T of each body, so that an arm opposes its joints' inertia to the wrench.
 """
 
@@ -11,7 +11,7 @@ import argparse
 import sys
 
 import numpy as np
-from room import GRAVITY, HALF_SIDES, MASS, STEP, Room, box, on_its_table, peg, table
+from room import GRAVITY, HALF_SIDES, MASS, STEP, Room, box, on_its_table, peg, table, watch
 
 import palpate
 
@@ -62,15 +62,17 @@ def feel(mujoco, model, data, rooms):
         data.xfrc_applied[body] = room.wrench(pose_of(data, body), J @ free, J @ np.linalg.solve(M, J.T), STEP, data.time)
 
 
-def run(depth, camera, seconds, on_step=None):
-    """Times, heights of the peg and wrenches on peg and hand: (N,), (N, 3), (N, 6) each."""
+def run(depth, camera, seconds, on_step=None, frames=()):
+    """Times, heights of the peg and wrenches on peg and hand: (N,), (N, 3), (N, 6) each. frames: those after the first."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(WORLD)
     data = mujoco.MjData(model)
-    surface = palpate.Sensor(camera).update(depth)
+    sensor = palpate.Sensor(camera)
+    surface = sensor.update(depth)
     peg_id, hand_id = (mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in ("peg", "hand"))
     rooms = {peg_id: Room(peg(), surface), hand_id: Room(palpate.pack(*box(HAND), 300), surface)}
+    watch(frames, sensor, rooms.values(), lambda: data.time)
     times, path, wrenches = [], [], []
     for k in range(round(seconds / STEP)):
         # The hand goes down until it presses, then draws towards the peg and back.
@@ -90,15 +92,20 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--frame")
     parser.add_argument("--intrinsics", default="525,525,319.5,239.5")
+    parser.add_argument("--camera")
     parser.add_argument("--seconds", type=float, default=3)
     given = parser.parse_args()
-    if given.frame:
+    frames = palpate.CameraFrames(given.camera) if given.camera else ()
+    if frames:
+        seen, depth = frames.camera, next(frames)[1]
+        camera = on_its_table(depth, *depth.shape[::-1], seen.fx, seen.fy, seen.cx, seen.cy, seen.unit)
+    elif given.frame:
         depth = palpate.load_depth_png(given.frame)
         camera = on_its_table(depth, *depth.shape[::-1], *map(float, given.intrinsics.split(",")))
     else:
         depth, camera = table()
     try:
-        times, path, wrenches = run(depth, camera, given.seconds)
+        times, path, wrenches = run(depth, camera, given.seconds, frames=frames)
     except ImportError:
         print("SKIPPED mujoco_depth_world: no MuJoCo; pip install -r requirements.txt")
         return 0

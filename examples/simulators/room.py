@@ -13,6 +13,8 @@ Frames: W has z up and the table at z = 0; B is the body, its origin at its cent
 forces and velocities first, are in W and about B.
 """
 
+import threading
+
 import numpy as np
 
 import palpate
@@ -58,17 +60,18 @@ class Room:
     def __init__(self, tool, surface, *, stiffness=1e7, friction=0.5, settling=0.006, blend=1 / 30):
         self.contact, self.center, self.corners = palpate.Contact(tool), tool.center_of_mass, tool.mesh[0]
         self.stiffness, self.friction, self.settling, self.blend = stiffness, friction, settling, blend
-        self.old, self.new, self.since = surface, surface, -np.inf
+        self.frames = surface, surface, -np.inf  # old, new, and since when; set at once, for a thread that shows frames
 
     def show(self, surface, time):
         """The next frame, which fades in from this time on."""
-        self.old, self.new, self.since = self.new, surface, time
+        self.frames = self.frames[1], surface, time
 
     def felt(self, X_WB, time=np.inf):
         """Wrench (6,), stiffness (6, 6) and potential energy (J) of the contact at a pose (4, 4)."""
-        share = 1.0 if time - self.since >= self.blend else max(0.0, (time - self.since) / self.blend)
+        old, new, since = self.frames
+        share = 1.0 if time - since >= self.blend else max(0.0, (time - since) / self.blend)
         F, K, energy = np.zeros(6), np.zeros((6, 6)), 0.0
-        for surface, part in ((self.new, share), (self.old, 1 - share)):
+        for surface, part in ((new, share), (old, 1 - share)):
             if part == 0:
                 continue
             result = self.contact.measure(surface, X_WB, stiffness=True)
@@ -109,6 +112,17 @@ class Room:
             if abs(after - before).max() < 1e-12:
                 break
         return w
+
+
+def watch(frames, sensor, rooms, now):
+    """Shows each of the frames (time, depth, pose) to the rooms when it comes, in a thread of its own. now: simulated time, s."""
+    def look():
+        for _, depth, _ in frames:
+            surface = sensor.update(depth)
+            for room in rooms:
+                room.show(surface, now())
+
+    threading.Thread(target=look, daemon=True).start()
 
 
 def free_body(R, inertia):

@@ -9,8 +9,10 @@ from room import CREEP, MASS, ROUNDS, STEP
 
 d = wp.float64
 vec6, mat66 = wp.spatial_vectord, wp.spatial_matrixd
-wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 1})
+# Warp's compiler for CPUs takes minutes over unrolled matrices of 6 x 6; on GPUs they stay in registers.
+wp.set_module_options({"enable_backward": False, **({} if wp.get_cuda_device_count() else {"max_unroll": 1, "optimization_level": 1})})
 H, M_PEG, SLOW, TINY = wp.constant(d(STEP)), wp.constant(d(MASS)), wp.constant(d(CREEP)), wp.constant(d(1e-9))
+CONVERGED = wp.constant(d(1e-24))  # m2/s2: square of the change at which room.py stops
 
 
 @wp.kernel
@@ -95,7 +97,10 @@ def press(poses: wp.array(dtype=d, ndim=2), free: wp.array(dtype=vec6), force: w
                 D = blocks(law[2] * hardness * nn + along * (one - nn), none, rock * (one - nn) + spin * nn)
                 D = wp.transpose(G) * D * G
                 gained = solve(M + H * (H * K + D), H * (F - D * v))
+                change = v + gained - after
                 w, after = (M * gained) / H, v + gained
+                if wp.dot(change, change) < CONVERGED:
+                    break
                 load = n[0] * w[0] + n[1] * w[1] + n[2] * w[2]
         if load > d(0.0):
             body_f[i] = wp.spatial_vector(float(w[0]), float(w[1]), float(w[2]), float(w[3]), float(w[4]), float(w[5]))

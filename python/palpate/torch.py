@@ -1,14 +1,14 @@
-"""Differentiable contact for PyTorch: palpate.torch.penetration and palpate.torch.wrench.
+"""Differentiable contact for PyTorch: palpate.torch.penetration, wrench and clearance.
 
-Everything is computed in double from the depth field of a surface in host memory, element by
-element: the exact derivatives of the field measure, for optimization and learning. For throughput
-without derivatives see Contact.measure_batch.
+With surfaces in host memory, volume, potential and wrench are computed in double, element by element: the
+exact derivatives of the field measure. With surfaces on a GPU they are those of Contact.measure_batch, in one
+launch in PyTorch's current stream: nothing leaves the GPU, and a CUDA graph can capture all of it.
 """
 
 from __future__ import annotations
 
 import weakref
-from typing import Any, NamedTuple, Optional, Tuple, Union
+from typing import Any, Dict, NamedTuple, Optional, Tuple, Union
 
 import numpy as np
 
@@ -24,8 +24,9 @@ __all__ = ["Penetration", "clearance", "penetration", "wrench"]
 #: A tool, or a contact with one.
 ToolOrContact = Union[_core.Tool, _core.Contact]
 
-_contacts: "weakref.WeakKeyDictionary[_core.Tool, _core.Contact]" = weakref.WeakKeyDictionary()
+_contacts: "weakref.WeakKeyDictionary[_core.Tool, Dict[str, _core.Contact]]" = weakref.WeakKeyDictionary()
 _differentiated: "weakref.WeakKeyDictionary[_core.Tool, _core.Differentiated]" = weakref.WeakKeyDictionary()
+_centers: "weakref.WeakKeyDictionary[ToolOrContact, Dict[torch.device, torch.Tensor]]" = weakref.WeakKeyDictionary()
 
 
 class Penetration(NamedTuple):
@@ -37,69 +38,115 @@ class Penetration(NamedTuple):
     potential: torch.Tensor
 
 
-def _contact_of(tool: ToolOrContact) -> _core.Contact:
+class _Question(NamedTuple):
+    """One tool or contact, what it is measured against, and the surface of each pose."""
+
+    tool: ToolOrContact
+    scene: Any
+    surface_of_pose: Optional[torch.Tensor] = None
+
+
+class _Found(NamedTuple):
+    """Results in double where they were measured, (P,) (P,) (P, 6) (P, 6) (P, 6, 6)."""
+
+    volume: torch.Tensor
+    potential: torch.Tensor
+    volume_gradient: Optional[torch.Tensor]
+    wrench_W: torch.Tensor
+    stiffness: Optional[torch.Tensor]
+
+
+def _only_tool(tool: ToolOrContact) -> _core.Tool:
+    return tool if isinstance(tool, _core.Tool) else tool.tool
+
+
+def _contact_of(tool: ToolOrContact, place: str = "cpu") -> _core.Contact:
     if isinstance(tool, _core.Contact):
         return tool
-    contact = _contacts.get(tool)
-    if contact is None:
-        contact = _contacts[tool] = _core.Contact(tool)
-    return contact
+    by_place = _contacts.setdefault(tool, {})
+    if place not in by_place:
+        by_place[place] = _core.Contact(tool, place=place)
+    return by_place[place]
 
 
-def _measure(tool: _core.Tool, surface: Any, poses: torch.Tensor) -> Tuple[Any, ...]:
-    if isinstance(surface, _core.Scene) and surface.unseen == "solid" and not surface.bodies and len(surface.cameras) == 1:
-        surface = surface.cameras[0]
-    if not isinstance(surface, _core.Surface):
-        numbers = np.ascontiguousarray(poses.detach().to("cpu", torch.float64).numpy())
-        batch = _contact_of(tool).measure_batch(surface, numbers, stiffness=True)
+def _measure(asked: _Question, poses: torch.Tensor, with_stiffness: bool) -> _Found:
+    tool, scene, surface_of_pose = asked
+    if isinstance(scene, _core.Scene) and scene.unseen == "solid" and not scene.bodies and len(scene.cameras) == 1:
+        scene = scene.cameras[0]
+    if isinstance(scene, (_core.Surface, _core.Surfaces)) and scene.place != "cpu":
+        return _measure_on_gpu(_Question(tool, scene, surface_of_pose), poses, with_stiffness)
+    numbers = np.ascontiguousarray(poses.detach().to("cpu", torch.float64).numpy())
+    if not isinstance(scene, _core.Surface):
+        which = None if surface_of_pose is None else surface_of_pose.cpu().numpy()
+        batch = _contact_of(tool).measure_batch(scene, numbers, surface_of_pose=which, stiffness=True)
         both = np.concatenate([batch.force, batch.torque], 1)
-        found = (batch.volume, batch.potential, both, batch.stiffness)
-        volume, potential, wrench_W, stiffness = (torch.from_numpy(np.array(each)) for each in found)
-        return volume, potential, None, wrench_W, stiffness
+        volume, potential, wrench_W, stiffness = (
+            torch.from_numpy(np.array(each)) for each in (batch.volume, batch.potential, both, batch.stiffness)
+        )
+        return _Found(volume, potential, None, wrench_W, stiffness)
+    tool = _only_tool(tool)
     by_definition = _differentiated.get(tool)
     if by_definition is None:
         by_definition = _differentiated[tool] = _core.Differentiated(tool)
-    given = np.ascontiguousarray(poses.detach().to("cpu", torch.float64).numpy())
-    return tuple(torch.from_numpy(array) for array in by_definition(surface, given))
+    return _Found(*(torch.from_numpy(array) for array in by_definition(scene, numbers)))
 
 
-def _motions(tool: _core.Tool, poses: torch.Tensor) -> torch.Tensor:
-    """Jacobian of the tool's motion by the numbers of its pose: (P, 6, K), K = 7 or 16.
+def _measure_on_gpu(asked: _Question, poses: torch.Tensor, with_stiffness: bool) -> _Found:
+    if poses.ndim != 2:
+        raise ValueError("poses: surfaces on a GPU take (P, 7), tx ty tz qx qy qz qw")
+    device = torch.device(asked.scene.place)
+    there = poses.detach().to(device, torch.float64)
+    there = torch.cat([there[:, :3], torch.nn.functional.normalize(there[:, 3:])], 1)
 
-    Rows: shift of its center of mass, and rotation about it, both in W.
+    def empty(*shape: int) -> torch.Tensor:
+        return torch.empty(len(there), *shape, dtype=torch.float64, device=device)
+
+    found = {"volume": empty(), "potential": empty(), "force": empty(3), "torque": empty(3)}
+    if with_stiffness:
+        found["stiffness"] = empty(6, 6)
+    which = asked.surface_of_pose
+    _contact_of(asked.tool, asked.scene.place).measure_batch(
+        asked.scene,
+        there,
+        surface_of_pose=None if which is None else which.to(device, torch.int32),
+        stiffness=with_stiffness,
+        out=_core.Batch(**found),
+        stream=torch.cuda.current_stream(device),
+    )
+    wrench_W = torch.cat([found["force"], found["torque"]], 1)
+    return _Found(found["volume"], found["potential"], None, wrench_W, found.get("stiffness"))
+
+
+def _center_of(tool: ToolOrContact, device: torch.device) -> torch.Tensor:
+    by_device = _centers.setdefault(tool, {})
+    if device not in by_device:
+        center = np.array(_only_tool(tool).center_of_mass, np.float64)
+        by_device[device] = torch.from_numpy(center).to(device)
+    return by_device[device]
+
+
+def _by_pose(by_motion: torch.Tensor, asked: _Question, poses: torch.Tensor) -> torch.Tensor:
+    """Gradient by the numbers of the poses, in their shape and type.
+
+    by_motion: (P, 6) by the shift of the tool's center of mass and by the rotation about it, both in W.
     """
-    num = poses.shape[0]
-    p_TC = torch.as_tensor(np.array(tool.center_of_mass), dtype=poses.dtype)
-    eye = torch.eye(3, dtype=poses.dtype)
+    inside = poses.to(by_motion)
+    p_TC = _center_of(asked.tool, by_motion.device)
+    by_shift, by_turn = by_motion[:, :3], by_motion[:, 3:]
     if poses.ndim == 2:
-        q = poses[:, 3:]
-        x, y, z, w = q.unbind(1)
+        q = inside[:, 3:]
+        by_turn = by_turn + torch.linalg.cross(_rotated(q, p_TC), by_shift)
         # turn = 2 vec(dq q*) / |q|^2, for any length of q
-        turn = torch.stack(
-            [
-                torch.stack([w, -z, y, -x], 1),
-                torch.stack([z, w, -x, -y], 1),
-                torch.stack([-y, x, w, -z], 1),
-            ],
-            1,
-        ) * (2 / (q * q).sum(1))[:, None, None]
-        lever = _rotated(q, p_TC)
-        shift = _cross_matrix(lever).transpose(1, 2) @ turn
-        top = torch.cat([eye.expand(num, 3, 3), shift], 2)
-        bottom = torch.cat([torch.zeros(num, 3, 3, dtype=poses.dtype), turn], 2)
-        return torch.cat([top, bottom], 1)
-    R = poses[:, :3, :3]
-    motions = torch.zeros(num, 6, 4, 4, dtype=poses.dtype)
+        by_turn = by_turn * (2 / (q * q).sum(1, keepdim=True))
+        axis, w = q[:, :3], q[:, 3:]
+        by_axis = w * by_turn + torch.linalg.cross(by_turn, axis)
+        return torch.cat([by_shift, by_axis, -(by_turn * axis).sum(1, keepdim=True)], 1).to(poses)
+    R = inside[:, :3, :3]
+    by_turn = by_turn + torch.linalg.cross(R @ p_TC, by_shift)
     # turn = vec of the antisymmetric part of dR R^T, for changes that leave R a rotation
-    for k, (i, j) in enumerate(((2, 1), (0, 2), (1, 0))):
-        motions[:, 3 + k, i, :3] = R[:, j] / 2
-        motions[:, 3 + k, j, :3] = -R[:, i] / 2
-    lever = R @ p_TC
-    turned = motions[:, 3:].reshape(num, 3, 16)
-    motions[:, :3] = (_cross_matrix(lever).transpose(1, 2) @ turned).reshape(num, 3, 4, 4)
-    for k in range(3):
-        motions[:, k, k, 3] += 1
-    return motions.reshape(num, 6, 16)
+    by_R = torch.linalg.cross(by_turn[:, :, None].expand_as(R), R, dim=1) / 2
+    top = torch.cat([by_R, by_shift[:, :, None]], 2)
+    return torch.nn.functional.pad(top, (0, 0, 0, 1)).to(poses)
 
 
 def _rotated(q: torch.Tensor, v: torch.Tensor) -> torch.Tensor:
@@ -110,55 +157,46 @@ def _rotated(q: torch.Tensor, v: torch.Tensor) -> torch.Tensor:
     return fixed + 2 * (w * once + torch.linalg.cross(axis, once))
 
 
-def _cross_matrix(v: torch.Tensor) -> torch.Tensor:
-    """Returns [v] with [v] a = v x a: (P, 3, 3)."""
-    x, y, z = v.unbind(1)
-    zero = torch.zeros_like(x)
-    rows = [torch.stack(row, 1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
-    return torch.stack(rows, 1)
-
-
 class _Wrench(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, poses: torch.Tensor, tool: _core.Tool, surface: Any) -> torch.Tensor:
-        *_, wrench_W, stiffness = _measure(tool, surface, poses)
-        ctx.tool, ctx.stiffness = tool, stiffness
+    def forward(ctx: Any, poses: torch.Tensor, asked: _Question, found: _Found) -> torch.Tensor:
+        ctx.asked, ctx.stiffness = asked, found.stiffness
         ctx.save_for_backward(poses)
-        return wrench_W.to(poses)
+        return found.wrench_W.clone()
 
     @staticmethod
     @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
     def backward(ctx: Any, by_wrench: torch.Tensor) -> Tuple[Any, ...]:
         (poses,) = ctx.saved_tensors
-        motions = _motions(ctx.tool, poses.detach().to("cpu", torch.float64))
-        by_motion = -(by_wrench.to("cpu", torch.float64)[:, None] @ ctx.stiffness)
-        return (by_motion @ motions).reshape(poses.shape).to(poses), None, None
+        stiffness = ctx.stiffness
+        if stiffness is None:
+            stiffness = _measure(ctx.asked, poses, True).stiffness
+        by_motion = -(by_wrench[:, :, None] * stiffness).sum(1)
+        return _by_pose(by_motion, ctx.asked, poses), None, None
 
 
 class _Penetration(torch.autograd.Function):
     @staticmethod
     def forward(
-        ctx: Any, poses: torch.Tensor, tool: _core.Tool, surface: Any
+        ctx: Any, poses: torch.Tensor, asked: _Question, second: bool
     ) -> Tuple[torch.Tensor, torch.Tensor]:
-        volume, potential, volume_gradient, *_ = _measure(tool, surface, poses)
-        ctx.tool, ctx.surface, ctx.volume_gradient = tool, surface, volume_gradient
+        found = _measure(asked, poses, second)
+        ctx.asked, ctx.found = asked, found
         ctx.save_for_backward(poses)
-        volume = volume.to(poses)
-        if volume_gradient is None:
+        volume = found.volume.to(poses)
+        if found.volume_gradient is None:
             ctx.mark_non_differentiable(volume)
-        return volume, potential.to(poses)
+        return volume, found.potential.to(poses)
 
     @staticmethod
     def backward(ctx: Any, by_volume: torch.Tensor, by_potential: torch.Tensor) -> Tuple[Any, ...]:
         (poses,) = ctx.saved_tensors
-        inside = poses.to("cpu", torch.float64)
         # The wrench is differentiable, and so is this gradient.
-        wrench_W = _Wrench.apply(inside, ctx.tool, ctx.surface)
+        wrench_W = _Wrench.apply(poses, ctx.asked, ctx.found)  # type: ignore[no-untyped-call]
         by_motion = -by_potential.to(wrench_W)[:, None] * wrench_W
-        if ctx.volume_gradient is not None:
-            by_motion = by_motion + by_volume.to(wrench_W)[:, None] * ctx.volume_gradient
-        gradient = (by_motion[:, None] @ _motions(ctx.tool, inside)).reshape(poses.shape)
-        return gradient.to(poses), None, None
+        if ctx.found.volume_gradient is not None:
+            by_motion = by_motion + by_volume.to(wrench_W)[:, None] * ctx.found.volume_gradient
+        return _by_pose(by_motion, ctx.asked, poses), None, None
 
 
 def _checked(poses: torch.Tensor) -> torch.Tensor:
@@ -170,24 +208,33 @@ def _checked(poses: torch.Tensor) -> torch.Tensor:
     return poses
 
 
-def _only_tool(tool: ToolOrContact) -> _core.Tool:
-    if isinstance(tool, _core.Tool):
-        return tool
-    if len(tool.tools) > 1:
+def _asked(tool: ToolOrContact, scene: Any, surface_of_pose: Optional[torch.Tensor]) -> _Question:
+    if isinstance(tool, _core.Contact) and len(tool.tools) > 1:
         raise ValueError("tool: penetration takes one tool at a time, not a contact with several")
-    return tool.tool
+    return _Question(tool, scene, surface_of_pose)
 
 
-def penetration(tool: ToolOrContact, scene: Any, poses: torch.Tensor) -> Penetration:
+def penetration(
+    tool: ToolOrContact,
+    scene: Any,
+    poses: torch.Tensor,
+    *,
+    surface_of_pose: Optional[torch.Tensor] = None,
+    second: bool = False,
+) -> Penetration:
     """Volume (P,) m3 and potential (P,) m4 of the tool at poses X_WT, differentiable by the poses.
 
-    scene: a Surface, Body or Scene in host memory. poses: (P, 7) tx ty tz qx qy qz qw, with
-    quaternions of any length, or (P, 4, 4); results are on their device. The gradient of the
-    potential is exactly minus the wrench, and its second derivative the stiffness. With one camera,
-    the gradient of the volume is exact, too, but has no second derivative; with several cameras or
-    bodies the volume has no gradient. For (P, 4, 4) it is the gradient along rotations.
+    scene: a Surface, Body or Scene, or Surfaces, of which surface_of_pose (P,) int32 are the indices.
+    poses: (P, 7) tx ty tz qx qy qz qw, with quaternions of any length, or (P, 4, 4); results are on their
+    device. The gradient of the potential is exactly minus the wrench, and its second derivative the
+    stiffness. With one camera in host memory, the gradient of the volume is exact, too, but has no second
+    derivative; on a GPU, with several cameras or bodies the volume has no gradient. For (P, 4, 4) it is the
+    gradient along rotations.
+
+    Surfaces on a GPU: one launch in PyTorch's current stream; poses (P, 7). second: measure the stiffness in
+    the same launch; without it a second derivative is a launch more. Poses that are not finite give zero.
     """
-    volume, potential = _Penetration.apply(_checked(poses), _only_tool(tool), scene)  # type: ignore[no-untyped-call]
+    volume, potential = _Penetration.apply(_checked(poses), _asked(tool, scene, surface_of_pose), second)  # type: ignore[no-untyped-call]
     return Penetration(volume, potential)
 
 
@@ -222,11 +269,15 @@ def clearance(
     return value + (normal * (c_W - c_W.detach())).sum(1)
 
 
-def wrench(tool: _core.Tool, surface: _core.Surface, poses: torch.Tensor) -> torch.Tensor:
+def wrench(
+    tool: ToolOrContact, scene: Any, poses: torch.Tensor, *, surface_of_pose: Optional[torch.Tensor] = None
+) -> torch.Tensor:
     """Force and torque (P, 6), m3 and m4, in W about the tool's center of mass; see `penetration`.
 
-    Its backward is the stiffness in closed form. Gradients of the field longer than 1.05 are not
-    shortened, unlike in Contact.measure: here the wrench is the derivative of the potential
-    everywhere.
+    Its backward is the stiffness in closed form. With surfaces in host memory, gradients of the field longer
+    than 1.05 are not shortened, unlike in Contact.measure: there the wrench is the derivative of the
+    potential everywhere.
     """
-    return _Wrench.apply(_checked(poses), tool, surface)  # type: ignore[no-untyped-call,no-any-return]
+    asked = _asked(tool, scene, surface_of_pose)
+    found = _measure(asked, _checked(poses), poses.requires_grad)
+    return _Wrench.apply(poses, asked, found).to(poses)  # type: ignore[no-untyped-call,no-any-return]

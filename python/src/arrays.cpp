@@ -267,6 +267,10 @@ Place place_of(const std::string& word) {
   throw nb::value_error(("place: '" + word + "' is not \"cpu\", \"cuda\" or \"cuda:1\"").c_str());
 }
 
+std::string name_of(const Place& place) {
+  return place.backend == Backend::cpu ? "cpu" : "cuda:" + std::to_string(place.gpu);
+}
+
 #ifdef PALPATE_CUDA
 Status wait_for_producers(int gpu, CallerStream stream) {
   constexpr double kPatience = 600;  // s: a step of training may come first

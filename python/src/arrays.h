@@ -111,6 +111,8 @@ int checked_threads(int given);
 
 /// Parses "cpu", "cuda" or "cuda:1". ValueError: another word.
 Place place_of(const std::string& word);
+/// Returns the word that place_of parses to the place.
+std::string name_of(const Place& place);
 
 /// Returns a NumPy array that owns its numbers.
 template <class T>

@@ -22,6 +22,7 @@ void bind_contact(nanobind::module_& m);
 void bind_penetration(nanobind::module_& m);
 void bind_runs(nanobind::module_& m);
 void bind_pushed_camera(nanobind::module_& m);
+void bind_camera_frames(nanobind::module_& m);
 void bind_recordings(nanobind::module_& m);
 void bind_robot(nanobind::module_& m);
 void bind_scenes(nanobind::module_& m);

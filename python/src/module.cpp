@@ -46,6 +46,7 @@ NB_MODULE(_core, m) {
   bind_contact(m);
   bind_penetration(m);
   bind_runs(m);
+  bind_camera_frames(m);
   bind_recordings(m);
   bind_robot(m);
   bind_scenes(m);

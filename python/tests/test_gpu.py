@@ -167,6 +167,37 @@ def test_one_image(cube, scene, library):
         palpate.Contact(cube).measure(palpate.Sensor(camera).update(images[0]), poses[0]).volume, rel=1e-4, abs=1e-12)
 
 
+ARM = """<robot name="arm"><link name="base"/>
+<link name="upper"><collision><origin xyz="0 0 0.15"/><geometry><box size="0.06 0.08 0.3"/></geometry></collision></link>
+<link name="fore"><collision><origin xyz="0 0 0.1"/><geometry><box size="0.05 0.05 0.2"/></geometry></collision></link>
+<joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/><axis xyz="1 0 0"/></joint>
+<joint name="elbow" type="revolute"><origin xyz="0 0 0.3"/><parent link="upper"/><child link="fore"/><axis xyz="0 1 0"/>
+  <limit lower="-2" upper="2"/></joint>
+</robot>"""
+
+
+def test_configurations_of_a_robot(scene, library, tmp_path):
+    camera, images, *_ = scene
+    (tmp_path / "arm.urdf").write_text(ARM)
+    base = [0, -0.3, 0.75, -0.707, 0, 0, 0.707]
+    cpu, gpu = (palpate.Robot(tmp_path / "arm.urdf", base=base, place=place) for place in ("cpu", "cuda"))
+    seen, there = (palpate.Scene([palpate.Sensor(camera, place=place).update(images[0])]) for place in ("cpu", "cuda"))
+    joints = np.random.default_rng(3).uniform(-1.5, 2.5, (NUM, 2))
+    want = cpu.measure(seen, joints, contact=False)
+    for given, host in ((library.on_gpu(joints), library.taken), (joints, np.asarray)):
+        got = gpu.measure(there, given, contact=False)
+        assert np.abs(host(got.clearance) - want.clearance).max() < 1e-5
+        assert (host(got.held) == want.held).all() and want.held.any()
+        same = host(got.link) == want.link
+        assert same.mean() > 0.99 and (want.link >= 0).any()
+        assert np.abs(host(got.clearance_by_joint) - want.clearance_by_joint)[same].max() < 1e-2
+        assert (host(gpu.any(there, given, 0.02)) == cpu.any(seen, joints, 0.02)).mean() > 0.99
+    with pytest.raises(palpate.Error, match="host memory"):
+        gpu.measure(there, library.on_gpu(joints))
+    with pytest.raises(palpate.Error, match="'elbow' of configuration .* beyond its limits"):
+        gpu.any(there, library.on_gpu(joints), limits="refuse")
+
+
 @pytest.mark.parametrize("is_given", [False, True])
 def test_one_image_that_a_side_stream_still_writes(scene, library, is_given):
     """Without `stream` the array library orders the work, with it the stream does. Other threads continue."""
@@ -273,3 +304,95 @@ def test_what_a_gpu_cannot_take(cube, scene, library):
     with pytest.raises(palpate.Error, match="GPU"):
         palpate.Contact(cube).measure_batch(palpate.Sensor(camera).update_batch(images), library.on_gpu(poses),
                                             surface_of_pose=library.on_gpu(which))
+
+
+class TestGradients:
+    """palpate.torch with surfaces on a GPU, against the same in host memory, which gradcheck has checked."""
+
+    @pytest.fixture
+    def felt(self, cube, scene):
+        torch = Torch().torch
+        camera, images, poses, _ = scene
+        on_gpu = palpate.Sensor(camera, place="cuda").update(images[0])
+        stretched = poses.copy()
+        stretched[:, 3:] *= 1.3  # quaternions of any length
+        return torch, palpate.Sensor(camera).update(images[0]), on_gpu, torch.from_numpy(stretched)
+
+    @staticmethod
+    def assert_close(there, here, name, tolerance=1e-4):
+        assert there.device.type == "cuda"
+        error = (there.cpu() - here).abs().max() / here.abs().max()
+        assert error < tolerance, f"{name}: {error}"
+
+    @pytest.mark.parametrize("second", [False, True])
+    def test_are_those_of_the_cpu(self, cube, felt, second):
+        from palpate.torch import penetration, wrench
+
+        torch, on_cpu, on_gpu, numbers = felt
+
+        def derivatives(surface, poses):
+            poses = poses.detach().requires_grad_()
+            volume, potential = penetration(cube, surface, poses, second=second)
+            (gradient,) = torch.autograd.grad(potential.sum(), poses, create_graph=True)
+            direction = torch.ones_like(poses) * torch.tensor([1, 1, 1, .01, .02, .03, .04]).to(poses)
+            (twice,) = torch.autograd.grad((gradient * direction).sum(), poses)
+            force = wrench(cube, surface, poses)
+            (by_wrench,) = torch.autograd.grad(force[:, :3].sum() + force[:, 3:].sum() * 100, poses)
+            return {"volume": volume, "potential": potential, "gradient": gradient, "twice": twice, "wrench": force,
+                    "by wrench": by_wrench}
+
+        here, there = derivatives(on_cpu, numbers), derivatives(on_gpu, numbers.cuda())
+        # The batch shortens gradients of the field that are longer than 1.05: such poses are left out.
+        force = palpate.Contact(cube).measure_batch(on_cpu, numbers.numpy()).force
+        same = torch.from_numpy(np.abs(force - here["wrench"][:, :3].detach().numpy()).max(1) < 1e-4 * cube.volume)
+        assert same.float().mean() > 0.8
+        for name, expected in here.items():
+            self.assert_close(there[name].detach()[same.cuda()], expected.detach()[same], name)
+        assert not there["volume"].requires_grad
+
+    def test_many_surfaces(self, cube, scene, felt):
+        from palpate.torch import penetration
+
+        torch = felt[0]
+        camera, images, poses, which = scene
+        fields = palpate.Sensor(camera, place="cuda").update_batch(images)
+        given = torch.from_numpy(poses).cuda().requires_grad_()
+        potential = penetration(cube, fields, given, surface_of_pose=torch.from_numpy(which).cuda()).potential
+        (gradient,) = torch.autograd.grad(potential.sum(), given)
+        expected = on_cpu(cube, scene)
+        self.assert_close(potential.detach(), torch.from_numpy(np.array(expected.potential)), "potential")
+        self.assert_close(gradient[:, :3], torch.from_numpy(-np.array(expected.force)), "gradient")
+
+    def test_captured_in_a_graph(self, cube, felt):
+        from palpate.torch import penetration
+
+        torch, _, on_gpu, numbers = felt
+        poses = numbers.cuda().requires_grad_()
+
+        def step():
+            (gradient,) = torch.autograd.grad(penetration(cube, on_gpu, poses).potential.sum(), poses)
+            return gradient
+
+        side = torch.cuda.Stream()
+        with torch.cuda.stream(side):
+            expected = step().clone()
+        side.synchronize()
+        graph = torch.cuda.CUDAGraph()
+        with torch.cuda.graph(graph, stream=side):
+            gradient = step()
+        with torch.no_grad():
+            poses[:, 2] -= 0.3  # in front of everything
+        graph.replay()
+        torch.cuda.synchronize()
+        assert gradient.abs().max() < expected.abs().max() / 100
+        with torch.no_grad():
+            poses.copy_(numbers)
+        graph.replay()
+        torch.cuda.synchronize()
+        assert torch.equal(gradient, expected)
+
+    def test_matrices_are_refused(self, cube, felt):
+        from palpate.torch import penetration
+
+        with pytest.raises(ValueError, match=r"surfaces on a GPU take \(P, 7\)"):
+            penetration(cube, felt[2], felt[0].eye(4, dtype=felt[0].float64)[None].cuda())

@@ -13,7 +13,7 @@ inline constexpr int kPlacedTogether = 8;
 
 /// What moves a joint.
 struct JointMoves {
-  Vec3d axis;  ///< of a turning one 1 long to the bit
+  Vec3d axis;
   /// Sine and cosine of half the angle; position of a sliding one.
   double by[2][kPlacedTogether] = {};
 };

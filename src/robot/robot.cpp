@@ -141,6 +141,19 @@ Result<Robot> Robot::Data::complete(Data data, const std::string& name) {
     return Error{Errc::bad_input, name + ": no link has a shape that can be filled with spheres" +
                                       (model.notes.empty() ? "" : "; " + model.notes.front())};
   }
+  JointTree tree;
+  std::vector<std::int32_t> frames(model.links.size());
+  for (std::size_t i = 0; i < model.joints.size(); ++i) {
+    const RobotJoint& joint = model.joints[i];
+    const bool moves = joint.kind != Kind::fixed && model.joints[joint.source].kind != Kind::fixed;
+    tree.joints.push_back({joint.kind, frames[joint.parent],
+                           moves ? static_cast<std::int32_t>(number[joint.source]) : -1,
+                           joint.factor, joint.offset, joint.X_PJ, joint.axis});
+    frames[joint.child] = static_cast<std::int32_t>(i + 1);
+  }
+  for (const Joint& joint : data.joints) tree.ranges.push_back({joint.lower, joint.upper});
+  for (const RobotLimb& limb : data.limbs) tree.frame_of_tool.push_back(frames[limb.link]);
+  data.tree = std::make_shared<const JointTree>(std::move(tree));
   return Robot(std::make_shared<const Data>(std::move(data)));
 }
 

@@ -1,7 +1,6 @@
 // Robots in scenes: forward kinematics, one pose of each link for SceneContact, and what its
-// answers mean for the joints: a force F and a torque T about C turn a joint with the axis a
-// through o by a . (T + (C - o) x F), and push a sliding one by a . F. The gradient of a clearance
-// is such a force.
+// answers mean for the joints (joint_tree.h). The gradient of a clearance is such a force. On a GPU
+// the links are placed where they are measured, where only the nearest one counts.
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -17,10 +16,24 @@ constexpr std::size_t kAtATime = 256;  // configurations, whose results are in m
 
 }  // namespace
 
-Status check_joints(const Robot::Data& robot, std::span<const double> joints, const Pose& X_WB,
-                    bool refuses) {
+Error refused_joint(const Robot::Data& robot, std::size_t i, double position) {
   const std::size_t n = robot.joints.size();
-  if (!is_finite(X_WB)) {
+  const Robot::Joint& joint = robot.joints[i % n];
+  const std::string named =
+      "joint '" + shown(joint.name) + "' of configuration " + std::to_string(i / n) + " is " +
+      (std::isnan(position) ? "not a number" : "at " + number_text(position, 4));
+  if (!(std::abs(position) < kMaxJointPosition)) {
+    return {Errc::invalid_argument, named + "; give its position in rad or m"};
+  }
+  return {Errc::invalid_argument, named + ", beyond its limits " + number_text(joint.lower, 4) +
+                                      " to " + number_text(joint.upper, 4) +
+                                      "; keep it within them, or let it be held there"};
+}
+
+Status check_joints(const Robot::Data& robot, const RobotPoses& poses) {
+  const std::size_t n = robot.joints.size();
+  const std::span<const double> joints = poses.joints;
+  if (!is_finite(poses.X_WB)) {
     return Error{Errc::invalid_argument,
                  "the pose of the robot's base is not finite; give it in m"};
   }
@@ -31,22 +44,16 @@ Status check_joints(const Robot::Data& robot, std::span<const double> joints, co
                                              " numbers were given; the joints are those of "
                                              "Robot::joints"};
   }
+  if (poses.gpu != kHostMemory) return Done{};
   const Robot::Joint* next = robot.joints.data();
   for (std::size_t i = 0; i < joints.size(); ++i) {
     const Robot::Joint& joint = *next;
     if (++next == robot.joints.data() + n) next = robot.joints.data();
-    const auto named = [&] {
-      return "joint '" + shown(joint.name) + "' of configuration " + std::to_string(i / n) +
-             " is " + (std::isnan(joints[i]) ? "not a number" : "at " + number_text(joints[i], 4));
-    };
-    if (!(std::abs(joints[i]) < kMaxJointPosition)) {
-      return Error{Errc::invalid_argument, named() + "; give its position in rad or m"};
+    const bool is_within = joints[i] >= joint.lower && joints[i] <= joint.upper;
+    if (std::abs(joints[i]) < kMaxJointPosition && (is_within || !poses.refuses_beyond_limits)) {
+      continue;
     }
-    if (!refuses || (joints[i] >= joint.lower && joints[i] <= joint.upper)) continue;
-    return Error{Errc::invalid_argument, named() + ", beyond its limits " +
-                                             number_text(joint.lower, 4) + " to " +
-                                             number_text(joint.upper, 4) +
-                                             "; keep it within them, or let it be held there"};
+    return refused_joint(robot, i, joints[i]);
   }
   return Done{};
 }
@@ -57,10 +64,7 @@ void add_joint_torque(const Robot::Data& robot, const RobotLimb& limb, const Rob
   for (const RobotLimb::Mover& mover : limb.movers) {
     const RobotJoint& joint = robot.model.joints[mover.joint];
     const Pose X_WJ = X_WB * places.X_BL(configuration, joint.child);
-    const Vec3d axis = rotate(X_WJ.rotation, joint.axis);
-    const Vec3d moment = torque + cross(C_W - X_WJ.translation, force);
-    to[mover.moved] +=
-        joint.factor * dot(axis, joint.kind == RobotJoint::Kind::turning ? moment : force);
+    to[mover.moved] += joint.factor * effort_of(X_WJ, joint.kind, joint.axis, C_W, force, torque);
   }
 }
 
@@ -70,8 +74,7 @@ Status Robot::place(std::span<const double> joints, const Pose& X_WB, std::span<
                                              " joints and " + std::to_string(data_->limbs.size()) +
                                              " links is placed by as many numbers"};
   }
-  const Status status = check_joints(*data_, joints, X_WB, false);
-  if (!status) return status;
+  if (const Status status = check_joints(*data_, {joints, X_WB}); !status) return status;
   std::vector<double> positions(data_->model.joints.size());
   for (std::size_t j = 0; j < joints.size(); ++j) {
     positions[data_->moved[j]] =
@@ -139,21 +142,61 @@ RobotContact::~RobotContact() = default;
 
 const Robot& RobotContact::robot() const { return impl_->robot; }
 
-Result<RobotContact> RobotContact::create(const Robot& robot, int num_threads) {
-  std::vector<const Tool*> tools;
-  for (std::size_t l = 0; l < robot.links().size(); ++l) tools.push_back(&robot.tool(l));
-  auto contact = SceneContact::create(tools, FieldMethod{}, Place::cpu(), num_threads);
+Result<RobotContact> RobotContact::create(const Robot& robot, const Place& place, int num_threads) {
+  auto contact = SceneContact::create(tools_of(robot), FieldMethod{}, place, num_threads);
   if (!contact) return contact.error();
-  return RobotContact(std::make_unique<Impl>(robot, *std::move(contact), num_threads));
+  return RobotContactMaker::make(robot, *std::move(contact), place, num_threads);
+}
+
+RobotContact RobotContactMaker::make(const Robot& robot, SceneContact contact, const Place& place,
+                                     int num_threads) {
+  return RobotContact(
+      std::make_unique<RobotContact::Impl>(robot, std::move(contact), place, num_threads));
+}
+
+/// Errors: as of check_joints; positions that are not where they are measured.
+Status RobotContact::Impl::check(const RobotPoses& poses) const {
+  if (poses.gpu != kHostMemory && !is_on_gpu) {
+    return Error{Errc::invalid_argument,
+                 "positions of joints in the memory of GPU " + std::to_string(poses.gpu) +
+                     " were given to a robot on the CPU; create its contact with Place::cuda(" +
+                     std::to_string(poses.gpu) + "), or copy them to host memory"};
+  }
+  return check_joints(data(), poses);
+}
+
+Status RobotContact::Impl::measure_on_gpu(const Scene& scene, const RobotPoses& poses,
+                                          const TreeAnswers& to) const {
+  const auto refused = measure_tree(
+      contact, scene,
+      {data().tree, poses.X_WB, poses.joints, poses.refuses_beyond_limits, poses.gpu}, to);
+  if (!refused) return refused.error();
+  if (*refused) return refused_joint(data(), (*refused)->number, (*refused)->value);
+  return Done{};
 }
 
 Status RobotContact::measure(const Scene& scene, const RobotPoses& poses,
-                             const RobotAnswers& to) const {
+                             const RobotAnswers& all) const {
   Impl& impl = *impl_;
   const Robot::Data& robot = impl.data();
-  if (const Status s = check_joints(robot, poses.joints, poses.X_WB, poses.refuses_beyond_limits);
-      !s) {
-    return s;
+  if (const Status s = impl.check(poses); !s) return s;
+  RobotAnswers to = all;
+  if (impl.is_on_gpu && (all.clearance || all.link || all.clearance_by_joint)) {
+    const Status s = impl.measure_on_gpu(
+        scene, poses,
+        {all.clearance, all.link, all.clearance_by_joint, all.held, nullptr, all.clearance_limit});
+    if (!s) return s;
+    to.clearance = to.clearance_by_joint = nullptr;
+    to.link = nullptr;
+    to.held = nullptr;
+  }
+  const bool wants_more =
+      to.wants_clearance() || to.volume || to.wrench || to.joint_torque || to.unseen || to.held;
+  if (!wants_more) return Done{};
+  if (poses.gpu != kHostMemory) {
+    return Error{Errc::invalid_argument,
+                 "of configurations in the memory of a GPU the clearance, its link and its "
+                 "derivative are told alone; give the positions in host memory for more"};
   }
   const std::size_t n = robot.joints.size(), num_limbs = robot.limbs.size();
   const std::size_t total = poses.joints.size() / n;
@@ -176,11 +219,8 @@ Status RobotContact::measure(const Scene& scene, const RobotPoses& poses,
 Status RobotContact::any(const Scene& scene, const RobotPoses& poses, double margin,
                          std::uint8_t* hits) const {
   Impl& impl = *impl_;
-  if (const Status s =
-          check_joints(impl.data(), poses.joints, poses.X_WB, poses.refuses_beyond_limits);
-      !s) {
-    return s;
-  }
+  if (const Status s = impl.check(poses); !s) return s;
+  if (impl.is_on_gpu) return impl.measure_on_gpu(scene, poses, {.hits = hits, .limit = margin});
   const std::size_t total = poses.joints.size() / impl.data().joints.size();
   for (std::size_t first = 0; first < total;) {
     const std::size_t num = impl.place(poses, first);

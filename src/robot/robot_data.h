@@ -7,11 +7,9 @@
 
 #include "palpate/robot/robot.h"
 #include "src/cameras/internal/robot_model.h"
+#include "src/contact/internal/joint_tree.h"
 
 namespace palpate { inline namespace v0 {
-
-/// rad or m: positions are nearer to 0.
-inline constexpr double kMaxJointPosition = 1e6;
 
 /// A link with spheres, and the joints that move it.
 struct RobotLimb {
@@ -39,8 +37,9 @@ struct Robot::Data {
   std::vector<std::size_t> moved;   ///< in the model, of each of `joints`
   std::vector<std::size_t> number;  ///< in `joints`, of each in the model; or kNotMoved
   std::vector<RobotLimb> limbs;
-  std::vector<std::size_t> limb_links;  ///< of limbs
-  std::vector<std::string> names;       ///< of limbs
+  std::vector<std::size_t> limb_links;    ///< of limbs
+  std::vector<std::string> names;         ///< of limbs
+  std::shared_ptr<const JointTree> tree;  ///< the same for a GPU; its tools are the limbs
 
   /// Errors: a floating joint; limits that exclude all positions; no spheres.
   static Result<Robot> complete(Data data, const std::string& name);

@@ -22,18 +22,36 @@ struct RobotMeasures {
               const Pose& X_WB, const Pose* X_WL, std::size_t i, const RobotAnswers& to) const;
 };
 
+/// Returns the tools of a robot's links.
+inline std::vector<const Tool*> tools_of(const Robot& robot) {
+  std::vector<const Tool*> tools;
+  for (std::size_t l = 0; l < robot.links().size(); ++l) tools.push_back(&robot.tool(l));
+  return tools;
+}
+
+/// Makes a RobotContact of a contact of its tools.
+struct RobotContactMaker {
+  static RobotContact make(const Robot& robot, SceneContact contact, const Place& place,
+                           int num_threads);
+};
+
 struct RobotContact::Impl {
-  Impl(Robot whole, SceneContact made, int num_threads)
+  Impl(Robot whole, SceneContact made, const Place& place, int num_threads)
       : robot(std::move(whole)),
         contact(std::move(made)),
+        is_on_gpu(place.backend == Backend::cuda),
         pool(std::make_unique<ThreadPool>(num_threads)) {}
 
   const Robot::Data& data() const { return robot.data(); }
+  Status check(const RobotPoses& poses) const;
+  /// Measures where the links are placed, too: joint_tree.h.
+  Status measure_on_gpu(const Scene& scene, const RobotPoses& poses, const TreeAnswers& to) const;
   std::size_t place(const RobotPoses& poses, std::size_t first);
   ScenePoses scene_poses(std::size_t num, bool has_groups) const;
 
   const Robot robot;
   SceneContact contact;
+  const bool is_on_gpu;
   std::unique_ptr<ThreadPool> pool;
   RobotPlaces places;      // of some configurations, as all that follows
   std::vector<Pose> X_WL;  // of each limb

@@ -58,9 +58,14 @@ Status RobotContact::free_motions(const Scene& scene, const RobotPoses& poses,
   Impl& impl = *impl_;
   const Robot::Data& robot = impl.data();
   const std::size_t n = robot.joints.size(), num_limbs = robot.limbs.size();
+  if (poses.gpu != kHostMemory) {
+    return Error{Errc::invalid_argument,
+                 "motions are proved step by step; give their starts and ends in host memory"};
+  }
   for (const std::span<const double> joints : {poses.joints, ends}) {
-    const Status s = check_joints(robot, joints, poses.X_WB, poses.refuses_beyond_limits);
-    if (!s) return s;
+    RobotPoses checked = poses;
+    checked.joints = joints;
+    if (const Status s = check_joints(robot, checked); !s) return s;
   }
   if (ends.size() != poses.joints.size() || !(margin >= 0 && std::isfinite(margin))) {
     return Error{Errc::invalid_argument,

@@ -22,9 +22,7 @@ void RobotPlaces::resize(const Robot::Data& robot, std::size_t num) {
   held_.resize(num);
   links_.resize(std::max(links_.size(), num_blocks() * num_links_));
   while (moves_.size() < num_blocks() * model.joints.size()) {
-    const RobotJoint& joint = model.joints[moves_.size() % model.joints.size()];
-    const bool turns = joint.kind == RobotJoint::Kind::turning;
-    moves_.push_back({turns ? normalized(joint.axis) : joint.axis});
+    moves_.push_back({model.joints[moves_.size() % model.joints.size()].axis});
   }
 }
 

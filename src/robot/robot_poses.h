@@ -40,9 +40,10 @@ class RobotPlaces {
 };
 
 /// Errors: not P x n positions; one is not finite; one is beyond its limits and `refuses`; the base
-/// is nowhere.
-Status check_joints(const Robot::Data& robot, std::span<const double> joints, const Pose& X_WB,
-                    bool refuses);
+/// is nowhere. Positions on a GPU are not looked at.
+Status check_joints(const Robot::Data& robot, const RobotPoses& poses);
+/// Returns what is wrong with position number i of all, which is not finite or beyond its limits.
+Error refused_joint(const Robot::Data& robot, std::size_t i, double position);
 
 /// Adds, for each joint that moves a limb, what a force and a torque about the limb's point C (in
 /// W) do to it: J^T (force, torque). `to` has n numbers.

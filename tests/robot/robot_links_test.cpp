@@ -105,7 +105,7 @@ TEST(RobotLinks, Are_as_clear_as_every_pixel_says_together_and_apart) {
     of_least.clearance_limit = of_each.clearance_limit = kLimit;
     std::vector<Pose> X_WL(kNumLinks);
     for (const int num_threads : {1, 3}) {
-      const RobotContact contact = RobotContact::create(robot, num_threads).value();
+      const RobotContact contact = RobotContact::create(robot, Place::cpu(), num_threads).value();
       ASSERT_TRUE(contact.measure(scene, {joints, X_WB}, of_least));
       ASSERT_TRUE(contact.measure(scene, {joints, X_WB}, of_each));
       for (std::size_t i = 0; i < kNum; ++i) {

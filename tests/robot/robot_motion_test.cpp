@@ -11,7 +11,7 @@ namespace {
 TEST(RobotMotion, Proved_motions_have_no_blocked_sample) {
   const test::SeenWall wall(true);
   const Robot robot = test::arm();
-  const RobotContact contact = RobotContact::create(robot, 2).value();
+  const RobotContact contact = RobotContact::create(robot, Place::cpu(), 2).value();
   const Pose X_WB{{-0.1, 0, 0.7}, axis_angle({1, 1, 0}, -1.2)};
   constexpr std::size_t kNum = 200, kSamples = 300;
   constexpr double kMargin = 0.01;
@@ -69,7 +69,7 @@ TEST(RobotMotion, Proved_motions_have_no_blocked_sample) {
 
 TEST(RobotMotion, A_motion_that_stands_still_is_free_where_it_is_clear) {
   const test::SeenWall wall;
-  const RobotContact contact = RobotContact::create(test::arm(), 1).value();
+  const RobotContact contact = RobotContact::create(test::arm(), Place::cpu(), 1).value();
   const std::vector<double> joints{0, 0, 0, 0.1, 0.1, 0};
   std::uint8_t is_free[2] = {};
   const Pose clear{{0, 0, 0.3}, axis_angle({1, 0, 0}, -kPi / 2)}, inside{{0, 0, 1.2}, {}};
@@ -115,7 +115,7 @@ TEST(RobotMotion, Joints_that_follow_what_never_moves_them_reach_as_far_as_they_
     }
     EXPECT_GE(turning, reach);
     EXPECT_LE(turning, reach + limb.radius);
-    const RobotContact contact = RobotContact::create(robot, 1).value();
+    const RobotContact contact = RobotContact::create(robot, Place::cpu(), 1).value();
     const std::vector<double> from{-0.3, 0, -0.3, 0}, to{-0.3, 1.2, -0.3, 0.2};
     std::uint8_t is_free[2] = {}, hits[300];
     double until[2] = {};
@@ -136,7 +136,7 @@ TEST(RobotMotion, Joints_that_follow_what_never_moves_them_reach_as_far_as_they_
   const Robot robot =
       Robot::from_urdf(rod_urdf("</joint>", R"(<mimic joint="ride" offset="0.3"/>)"), "rod.urdf")
           .value();
-  const RobotContact contact = RobotContact::create(robot, 1).value();
+  const RobotContact contact = RobotContact::create(robot, Place::cpu(), 1).value();
   const std::vector<double> from{0, 0, 0, 0}, to{0, 0.2, 0.05, 0};
   std::uint8_t is_free[2] = {};
   ASSERT_TRUE(contact.free_motions(wall.scene, {from, X_WB}, to, 0, is_free));
@@ -146,7 +146,7 @@ TEST(RobotMotion, Joints_that_follow_what_never_moves_them_reach_as_far_as_they_
 
 TEST(RobotMotion, What_cannot_be_proved_is_refused) {
   test::SeenWall wall;
-  const RobotContact contact = RobotContact::create(test::arm(), 1).value();
+  const RobotContact contact = RobotContact::create(test::arm(), Place::cpu(), 1).value();
   const std::vector<double> joints{0, 0, 0};
   std::vector<double> ends = joints;
   const Pose clear{{0, 0, 0.3}, axis_angle({1, 0, 0}, -kPi / 2)};

@@ -95,7 +95,7 @@ TEST(Robot, Links_are_where_the_joints_put_them) {
 TEST(Robot, Clearance_is_that_of_the_nearest_sphere_and_its_gradient_that_of_differences) {
   const test::SeenWall wall;
   const Robot robot = test::arm();
-  const RobotContact contact = RobotContact::create(robot, 2).value();
+  const RobotContact contact = RobotContact::create(robot, Place::cpu(), 2).value();
   test::Random random(1);
   constexpr std::size_t kNum = 60;
   const std::vector<double> joints = random_joints(random, kNum);
@@ -191,7 +191,7 @@ TEST(Robot, Clearance_is_that_of_the_nearest_sphere_and_its_gradient_that_of_dif
 TEST(Robot, Joint_torques_do_the_work_of_the_wrenches) {
   const test::SeenWall wall;
   const Robot robot = test::arm();
-  const RobotContact contact = RobotContact::create(robot, 1).value();
+  const RobotContact contact = RobotContact::create(robot, Place::cpu(), 1).value();
   const std::vector<double> joints{0.4, 0.3, 0.02, 0.1, 0.9, 0.01};  // into the wall
   std::vector<double> wrench(2 * 4 * 6), torque(2 * 3), volume(2), unseen(2);
   RobotAnswers to;
@@ -335,7 +335,7 @@ TEST(Robot, Limits_without_a_position_are_refused_in_files_too) {
 
 TEST(Robot, Bad_input_is_refused_in_a_sentence) {
   const Robot robot = test::arm();
-  const RobotContact contact = RobotContact::create(robot, 1).value();
+  const RobotContact contact = RobotContact::create(robot, Place::cpu(), 1).value();
   const test::SeenWall wall;
   double clearance[2] = {};
   std::uint8_t held[2] = {};

@@ -21,6 +21,7 @@
 #include "palpate/cloud/depth_source.h"
 #include "palpate/contact/scene.h"
 #include "palpate/core/core.h"
+#include "palpate/gpu/devices.h"
 #include "palpate/math/geometry.h"
 #include "palpate/tool/tool.h"
 
@@ -105,9 +106,12 @@ struct RobotPoses {
   /// Refuses positions beyond limits. Otherwise they are held at the limit, and told
   /// (RobotAnswers::held).
   bool refuses_beyond_limits = false;
+  /// Memory of `joints` and of all answers. On a GPU: those of a contact there, which then tells
+  /// the clearance, its link and its derivative, held ones, and yes or no.
+  int gpu = kHostMemory;
 };
 
-/// Row-major arrays of the caller; null: not computed.
+/// Row-major arrays of the caller, where the positions are; null: not computed.
 struct RobotAnswers {
   double* clearance = nullptr;                ///< P, m: least of all links, SceneAnswers::clearance
   std::int32_t* link = nullptr;               ///< P: the link that has it; -1: saturated
@@ -128,11 +132,14 @@ struct RobotAnswers {
   }
 };
 
-/// Measures a robot against scenes, on a CPU. One thread at a time.
+/// Measures a robot against scenes. On a GPU the clearance of the nearest link and `any` take
+/// positions of joints there; all else places the links on the CPU. One thread at a time.
 class RobotContact {
  public:
-  /// `num_threads`: 0: one per core.
-  static Result<RobotContact> create(const Robot& robot, int num_threads = 0);
+  /// `num_threads`: of a CPU; 0: one per core. Errors: the place is not in this build or on this
+  /// machine.
+  static Result<RobotContact> create(const Robot& robot, const Place& place = Place::cpu(),
+                                     int num_threads = 0);
   RobotContact(RobotContact&&) noexcept;
   RobotContact& operator=(RobotContact&&) noexcept;
   ~RobotContact();
@@ -155,6 +162,7 @@ class RobotContact {
                       double margin, std::uint8_t* is_free, double* until = nullptr) const;
 
  private:
+  friend struct RobotContactMaker;
   struct Impl;
   explicit RobotContact(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;

@@ -250,7 +250,8 @@ void bind_batch(nb::module_& m) {
   nb::class_<PySurfaces>(
       m, "Surfaces",
       R"(The depth fields of many images from Sensor.update_batch. They stay valid while referenced.)")
-      .def("__len__", [](const PySurfaces& self) { return self.batch.size(); });
+      .def("__len__", [](const PySurfaces& self) { return self.batch.size(); })
+      .def_prop_ro("place", [](const PySurfaces& self) { return name_of(self.place); });
 
   nb::class_<PyBatch> batch_class(
       m, "Batch",

@@ -164,7 +164,7 @@ std::vector<PyTool> tools_of(nb::handle given) {
 
 void bind_contact(nb::module_& m) {
   bind_result(m);
-  nb::class_<PyContact> contact(m, "Contact",
+  nb::class_<PyContact> contact(m, "Contact", nb::is_weak_referenceable(),
                                 R"(Measures a tool, or several, against surfaces and scenes.
 
 tool: a Tool or a list of them, of which measure_batch and any take the index of each pose.

@@ -6,128 +6,77 @@
 #include <nanobind/stl/vector.h>
 
 #include <memory>
-#include <mutex>
 
-#include "palpate/robot/robot.h"
 #include "python/src/contact.h"
+#include "python/src/robot.h"
 
 namespace palpate::python {
 namespace {
 
-/// Class palpate.Robot: one robot, its base, and what measures it.
-class PyRobot {
- public:
-  PyRobot(Robot robot, const Pose& base, int threads)
-      : X_WB(base),
-        robot_(std::move(robot)),
-        threads_(threads),
-        contact_(taken(RobotContact::create(robot_, threads))) {}
-
-  const Robot& robot() const { return robot_; }
-  int threads() const { return threads_; }
-  /// One thread at a time; without the GIL.
-  template <class Work>
-  Status alone(const Work& work) {
-    const nb::gil_scoped_release no_gil;
-    const std::lock_guard lock(mutex_);
-    return work(contact_);
-  }
-
-  Pose X_WB;
-
- private:
-  Robot robot_;
-  int threads_;
-  RobotContact contact_;
-  std::mutex mutex_;
-};
-
-/// (P, n) or (n,) positions.
-Doubles joints_of(const PyRobot& self, nb::handle given, const char* name) {
-  const Doubles joints = doubles_of(given, name);
-  const std::size_t n = self.robot().joints().size();
-  if (joints.ndim() < 1 || joints.ndim() > 2 || joints.shape(joints.ndim() - 1) != n) {
-    refuse_shape(
-        name, shape_of(joints),
-        ("(P, " + std::to_string(n) + "), a number for each of Robot.joint_names").c_str());
-  }
-  return joints;
-}
-
-RobotPoses poses_of(const PyRobot& self, const Doubles& joints, const std::string& limits) {
-  if (limits != "hold" && limits != "refuse") {
-    throw nb::value_error(("limits: '" + limits + "' is not hold or refuse").c_str());
-  }
-  return {{joints.data(), joints.size()}, self.X_WB, limits == "refuse"};
-}
-
-nb::object measure(PyRobot& self, nb::handle scene, nb::handle given, double margin, bool contact,
+nb::object measure(PyRobot& self, nb::handle scene, nb::handle joints, double margin, bool contact,
                    bool clearance, double limit, const std::string& limits) {
   const HeldScene in = held_scene(scene);
-  const Doubles joints = joints_of(self, given, "joints");
-  const RobotPoses poses = poses_of(self, joints, limits);
-  const std::size_t n = self.robot().joints().size(), num = joints.size() / n,
+  const GivenJoints given(self, joints, limits);
+  const int gpu = given.poses.gpu;
+  const std::size_t n = self.robot().joints().size(), num = given.num,
                     num_links = self.robot().links().size();
-  std::vector<double> clear(num), by_joint(num * n), volume(num), wrench(num * num_links * 6),
-      torque(num * n), unseen(num);
-  std::vector<std::int32_t> link(num);
-  std::vector<std::uint8_t> held(num);
+  nb::dict found;
+  const auto make = [&]<class T>(const char* name, T*& to,
+                                 std::initializer_list<std::size_t> shape) {
+    Made<T> made(gpu, shape);
+    to = made.at;
+    found[name] = made.array;
+  };
   RobotAnswers to;
-  to.held = held.data();
+  const Made<std::uint8_t> held(gpu, {num});
+  to.held = held.at;
   if (clearance) {
-    to.clearance = clear.data();
-    to.link = link.data();
-    to.clearance_by_joint = by_joint.data();
+    make("clearance", to.clearance, {num});
+    make("link", to.link, {num});
+    make("clearance_by_joint", to.clearance_by_joint, {num, n});
     to.clearance_limit = limit;
   }
   if (contact) {
-    to.volume = volume.data();
-    to.wrench = wrench.data();
-    to.joint_torque = torque.data();
-    if (!in.scene.surfaces.empty()) to.unseen = unseen.data();
+    make("volume", to.volume, {num});
+    make("wrench", to.wrench, {num, num_links, 6});
+    make("joint_torque", to.joint_torque, {num, n});
+    if (!in.scene.surfaces.empty()) make("unseen", to.unseen, {num});
   }
-  check(self.alone([&](const RobotContact& all) { return all.measure(in.scene, poses, to); }));
-  nb::dict found;
-  found["held"] = array_of(std::move(held), {num}).attr("view")("bool");
-  if (clearance) {
-    std::vector<std::uint8_t> hits;
-    for (const double value : clear) hits.push_back(value < margin ? 1 : 0);
-    found["any"] = array_of(std::move(hits), {num}).attr("view")("bool");
-    found["clearance"] = array_of(std::move(clear), {num});
-    found["link"] = array_of(std::move(link), {num});
-    found["clearance_by_joint"] = array_of(std::move(by_joint), {num, n});
-  }
-  if (contact) {
-    found["volume"] = array_of(std::move(volume), {num});
-    found["wrench"] = array_of(std::move(wrench), {num, num_links, 6});
-    found["joint_torque"] = array_of(std::move(torque), {num, n});
-    if (!in.scene.surfaces.empty()) found["unseen"] = array_of(std::move(unseen), {num});
+  check(self.alone([&](const RobotContact& all) {
+    if (const Status status = given.wait(); !status) return status;
+    return all.measure(in.scene, given.poses, to);
+  }));
+  found["held"] = held.bools(gpu);
+  if (clearance && gpu == kHostMemory) {
+    const Made<std::uint8_t> hits(gpu, {num});
+    for (std::size_t i = 0; i < num; ++i) hits.at[i] = to.clearance[i] < margin ? 1 : 0;
+    found["any"] = hits.bools(gpu);
   }
   return nb::module_::import_("types").attr("SimpleNamespace")(**found);
 }
 
-nb::object any(PyRobot& self, nb::handle scene, nb::handle given, double margin,
+nb::object any(PyRobot& self, nb::handle scene, nb::handle joints, double margin,
                const std::string& limits) {
   const HeldScene in = held_scene(scene);
-  const Doubles joints = joints_of(self, given, "joints");
-  const RobotPoses poses = poses_of(self, joints, limits);
-  std::vector<std::uint8_t> hits(joints.size() / self.robot().joints().size());
-  check(self.alone(
-      [&](const RobotContact& all) { return all.any(in.scene, poses, margin, hits.data()); }));
-  const std::size_t num = hits.size();
-  return array_of(std::move(hits), {num}).attr("view")("bool");
+  const GivenJoints given(self, joints, limits);
+  const Made<std::uint8_t> hits(given.poses.gpu, {given.num});
+  check(self.alone([&](const RobotContact& all) {
+    if (const Status status = given.wait(); !status) return status;
+    return all.any(in.scene, given.poses, margin, hits.at);
+  }));
+  return hits.bools(given.poses.gpu);
 }
 
 nb::object free_motions(PyRobot& self, nb::handle scene, nb::handle from, nb::handle to,
                         std::optional<double> margin, const std::string& limits) {
   const HeldScene in = held_scene(scene);
-  const Doubles starts = joints_of(self, from, "start"), ends = joints_of(self, to, "end");
-  const RobotPoses poses = poses_of(self, starts, limits);
-  const std::size_t num = starts.size() / self.robot().joints().size();
+  const GivenJoints starts(self, from, limits);
+  const Doubles ends = joints_of(self, to, "end");
+  const std::size_t num = starts.num;
   std::vector<std::uint8_t> is_free(num);
   std::vector<double> until(num);
   check(self.alone([&](const RobotContact& all) {
-    return all.free_motions(in.scene, poses, {ends.data(), ends.size()},
+    return all.free_motions(in.scene, starts.poses, {ends.data(), ends.size()},
                             margin.value_or(self.robot().standoff()), is_free.data(), until.data());
   }));
   return nb::make_tuple(array_of(std::move(is_free), {num}).attr("view")("bool"),
@@ -241,12 +190,14 @@ void bind_robot(nb::module_& m) {
       "scene: Scene | Surface | Body | collections.abc.Sequence[Surface | Body], ";
   const std::string bools = "numpy.typing.NDArray[numpy.bool_]";
   nb::class_<PyRobot>(m, "Robot",
-                      R"(A robot whose links are filled with spheres, measured in scenes on a CPU.
+                      R"(A robot whose links are filled with spheres, measured in scenes.
 
 path: a URDF, which is packed, or a robot that `save` or `palpate pack --robot` wrote.
 standoff: m, of the surface of a link from the nearest sphere; spheres: at most so many in a shape.
 geometry: "collision" or "visual"; skip: links without spheres; packages: folders for package://,
-    separated by ":". base: X_WB, (4, 4) or (7,). threads: 0: one per core.
+    separated by ":". base: X_WB, (4, 4) or (7,). place: "cpu", "cuda" or "cuda:1", where the clearance
+    and `any` place the links, too; they take joints there (float64, DLPack), and answer there.
+    threads: of the CPU; 0: one per core.
 A link that cannot be filled is left out, and one that is thin may miss the standoff: a warning each.
 palpate.Error: what is wrong in the file.
 Configurations are (P, n): a number for each of joint_names, rad and m. Those beyond limits are held
@@ -255,7 +206,8 @@ there (`held`), or with limits="refuse" a palpate.Error, as are numbers that are
           "__init__",
           [](PyRobot* self, const std::filesystem::path& path, double standoff, int spheres,
              const std::string& geometry, const std::vector<std::string>& skip,
-             const std::string& packages, nb::handle base, int threads) {
+             const std::string& packages, nb::handle base, const std::string& place_word,
+             int threads) {
             const Pose X_WB = base.is_none() ? Pose{} : pose_of(base, "base");
             RobotPacking packing;
             packing.standoff = standoff;
@@ -264,15 +216,18 @@ there (`held`), or with limits="refuse" a palpate.Error, as are numbers that are
             packing.skip = skip;
             packing.packages = packages;
             const int num = checked_threads(threads);
-            new (self) PyRobot(opened(path, packing), X_WB, num);
+            new (self) PyRobot(opened(path, packing), X_WB, place_of(place_word), num);
           },
           nb::arg("path"), nb::kw_only(), nb::arg("standoff") = 0.01, nb::arg("spheres") = 500,
           nb::arg("geometry") = "collision", nb::arg("skip") = std::vector<std::string>(),
-          nb::arg("packages") = "", nb::arg("base") = nb::none(), nb::arg("threads") = 0,
-          nb::sig("def __init__(self, path: str | os.PathLike[str], *, standoff: float = 0.01, "
-                  "spheres: int = 500, geometry: str = 'collision', "
-                  "skip: collections.abc.Sequence[str] = (), packages: str = '', "
-                  "base: palpate._types.Array | None = None, threads: int = 0) -> None"))
+          nb::arg("packages") = "", nb::arg("base") = nb::none(), nb::arg("place") = "cpu",
+          nb::arg("threads") = 0,
+          nb::sig(
+              "def __init__(self, path: str | os.PathLike[str], *, standoff: float = 0.01, "
+              "spheres: int = 500, geometry: str = 'collision', "
+              "skip: collections.abc.Sequence[str] = (), packages: str = '', "
+              "base: palpate._types.Array | None = None, place: str = 'cpu', threads: int = 0) -> "
+              "None"))
       .def("measure", measure, nb::arg("scene"), nb::arg("joints"), nb::arg("margin") = 0.0,
            nb::kw_only(), nb::arg("contact") = true, nb::arg("clearance") = true,
            nb::arg("limit") = kClearanceLimit, nb::arg("limits") = "hold",
@@ -284,7 +239,8 @@ there (`held`), or with limits="refuse" a palpate.Error, as are numbers that are
 
 clearance (P,) m, any (P,) below `margin`, link (P,) that decides (of link_names; -1: saturated at
 `limit`), clearance_by_joint (P, n); with contact: volume (P,) m3, wrench (P, L, 6) on each link about
-its center of mass in W (m3, m4), joint_torque (P, n) = J^T of them, unseen (P,) share; held (P,).)")
+its center of mass in W (m3, m4), joint_torque (P, n) = J^T of them, unseen (P,) share; held (P,).
+Of joints on a GPU with contact=False alone, without `any`.)")
       .def("any", any, nb::arg("scene"), nb::arg("joints"), nb::arg("margin") = 0.0, nb::kw_only(),
            nb::arg("limits") = "hold",
            nb::sig(("def any(self, " + scene + "joints: " + array +
@@ -324,7 +280,7 @@ ValueError: another size than the camera's; a camera with distortion: undistort 
             const Pose X_LT = pose.is_none() ? Pose{} : pose_of(pose, "pose");
             return std::make_unique<PyRobot>(
                 taken(self.robot().with_tool(*tool.tool, name, link, X_LT)), self.X_WB,
-                self.threads());
+                self.place(), self.threads());
           },
           nb::arg("tool"), nb::arg("name"), nb::arg("link"), nb::arg("pose") = nb::none(),
           nb::sig(("def with_tool(self, tool: Tool, name: str, link: str, pose: " + array +

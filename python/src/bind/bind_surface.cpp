@@ -179,10 +179,7 @@ Computed in double precision.)")
             return std::isnan(self.time) ? std::nullopt : std::optional(self.time);
           },
           "s, as passed to update.")
-      .def_prop_ro("place", [](const PySurface& self) {
-        return self.place.backend == Backend::cpu ? std::string("cpu")
-                                                  : "cuda:" + std::to_string(self.place.gpu);
-      });
+      .def_prop_ro("place", [](const PySurface& self) { return name_of(self.place); });
 }
 
 }  // namespace palpate::python

@@ -1,7 +1,9 @@
 """Bodies of examples/simulators in the room of a depth frame, against closed forms; each example where its simulator is."""
 
+import struct
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -148,3 +150,30 @@ def test_example(name, arguments):
     assert done.returncode == 0, done.stdout + done.stderr
     if done.stdout.startswith("SKIPPED"):
         pytest.skip(done.stdout.strip())
+
+
+def test_a_live_camera(tmp_path):
+    """MuJoCo's peg rests on what a camera sends: a folder of images of the table, each with new noise."""
+    depth, camera = rooms.table(0.0, 160, 120)
+    random = np.random.default_rng(2)
+    for k in range(20):
+        save_png(tmp_path / f"{k:03}.png", np.rint(1000 * (depth + 0.0005 * random.normal(size=depth.shape))))
+    uri = f"folder:{tmp_path}?intrinsics={camera.fx},{camera.fy},{camera.cx},{camera.cy}&rate=30&unit=0.001"
+    times = [time for time, _, _ in palpate.CameraFrames(uri, in_real_time=False)]
+    assert len(times) == 20 and np.allclose(np.diff(times), 1 / 30, atol=1e-6)
+    done = subprocess.run([sys.executable, EXAMPLES / "mujoco_depth_world.py", "--camera", uri, "--seconds", "1.5"],
+                          capture_output=True, text=True, timeout=600)
+    if done.stdout.startswith("SKIPPED"):
+        pytest.skip(done.stdout.strip())
+    assert "the table carries 9." in done.stdout, done.stdout + done.stderr
+
+
+def save_png(path, counts):
+    """A 16-bit grayscale PNG, by its specification."""
+    rows = b"".join(b"\0" + row.astype(">u2").tobytes() for row in counts)
+
+    def chunk(kind, body):
+        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+    header = struct.pack(">IIBBBBB", counts.shape[1], counts.shape[0], 16, 0, 0, 0, 0)
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))

@@ -11,16 +11,12 @@
 #include <vector>
 
 #include "palpate/cameras/cameras.h"
+#include "src/math/internal/joint_motion.h"
 
 namespace palpate { inline namespace v0 {
 
 struct RobotJoint {
-  enum class Kind {
-    fixed,
-    turning,   ///< revolute and continuous ones, rad
-    sliding,   ///< prismatic ones, m
-    floating,  ///< and planar ones: no single number says where they are
-  };
+  using Kind = JointKind;
   std::string name;
   Kind kind = Kind::fixed;
   bool is_endless = false;  ///< a turning one without limits: positions may jump by a turn

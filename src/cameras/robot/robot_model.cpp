@@ -22,12 +22,7 @@ void RobotModel::place(std::span<const double> positions, std::span<Pose> X_BL) 
   X_BL[root] = {};
   for (const RobotJoint& joint : joints) {
     const double position = joint.factor * positions[joint.source] + joint.offset;
-    Pose& X = X_BL[joint.child] = X_BL[joint.parent] * joint.X_PJ;
-    if (joint.kind == RobotJoint::Kind::turning) {
-      X.rotation = normalized(X.rotation * axis_angle(joint.axis, position));
-    } else if (joint.kind == RobotJoint::Kind::sliding) {
-      X.translation = X * (joint.axis * position);
-    }
+    X_BL[joint.child] = child_of(X_BL[joint.parent] * joint.X_PJ, joint.kind, joint.axis, position);
   }
 }
 

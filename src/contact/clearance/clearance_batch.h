@@ -10,6 +10,7 @@
 
 #include "palpate/contact/scene.h"
 #include "src/contact/clearance/clearance.h"
+#include "src/contact/internal/joint_tree.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -36,6 +37,13 @@ class ClearanceBatch {
   virtual Status measure(const ScenePoses& poses, const ClearanceWants& wants, const Put& put) = 0;
   /// See SceneContact::any.
   virtual Status any(const ScenePoses& poses, double margin, std::uint8_t* hits) = 0;
+  /// See measure_tree.
+  virtual Result<std::optional<RefusedPosition>> measure_tree(const JointPoses&,
+                                                              const TreeAnswers&) {
+    return Error{Errc::unavailable,
+                 "joints are turned into poses of links where these are measured on a GPU alone; "
+                 "create the contact with Place::cuda(), or give it poses"};
+  }
 };
 
 /// Makes one over the threads of `execution.pool`.

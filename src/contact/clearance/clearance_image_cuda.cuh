@@ -42,7 +42,7 @@ __global__ void merge_windows(const __grid_constant__ WindowMerge part, const fl
 }
 
 constexpr int kThreads = 128;
-int blocks_for(std::size_t num, int each) {
+inline int blocks_for(std::size_t num, int each) {
   const auto per_block = static_cast<std::size_t>(each);
   return static_cast<int>((num + per_block - 1) / per_block);
 }

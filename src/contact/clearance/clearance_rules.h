@@ -82,20 +82,32 @@ PALPATE_HOSTDEV inline Clearance clearance_of(const SeenByCamera* cameras,
   return result;
 }
 
-/// Returns the search that decides whether a tool at a pose is within a margin. Planes change
-/// distances by no more than the range that is left open.
-PALPATE_HOSTDEV inline ClearanceJob margin_job(ClearanceJob job, const SeenByCamera* cameras,
-                                               int num_cameras, const ClearanceTool& tool,
-                                               const Pose& X_WT, double margin) {
+/// Returns the most (m) that planes change distances of a tool that is within a margin.
+PALPATE_HOSTDEV inline double margin_change(const SeenByCamera* cameras, int num_cameras,
+                                            const ClearanceTool& tool, const Pose& X_WT,
+                                            double margin) {
   double change = 0;
   for (int k = 0; k < num_cameras; ++k) {
     const Vec3d p_CT = cameras[k].X_CW * X_WT.translation;
     const double farthest = std::abs(p_CT.z) + tool.reach + std::abs(margin);
     change = greater(change, plane_change(cameras[k].field, 1.01 * farthest));
   }
+  return change;
+}
+
+/// Sets the limits of a search that decides whether a tool is within a margin, where planes change
+/// distances by no more than the range that is left open.
+PALPATE_HOSTDEV inline void set_margin(double margin, double change, ClearanceJob& job) {
   job.limit = static_cast<float>(margin + change);
   job.enough = static_cast<float>(margin - change);
   job.deepest = static_cast<float>(std::abs(margin) + change);
+}
+
+/// Returns the search that decides whether a tool at a pose is within a margin.
+PALPATE_HOSTDEV inline ClearanceJob margin_job(ClearanceJob job, const SeenByCamera* cameras,
+                                               int num_cameras, const ClearanceTool& tool,
+                                               const Pose& X_WT, double margin) {
+  set_margin(margin, margin_change(cameras, num_cameras, tool, X_WT, margin), job);
   return job;
 }
 

@@ -9,6 +9,7 @@
 #include "src/contact/bodies/shapes_of_scene.h"
 #include "src/contact/hull/camera_seats.h"
 #include "src/contact/index/tool_parts.h"
+#include "src/contact/internal/joint_tree.h"
 #include "src/contact/scene/scene_answers.h"
 #include "src/contact/scene/scene_checks.h"
 #include "src/contact/scene/scene_makers.h"
@@ -24,6 +25,10 @@ void add(const Penetration& of_body, const std::optional<Stiffness>& stiffness, 
   sum.measure_W.torque += of_body.measure_W.torque;
   sum.status |= of_body.status;
   if (to.stiffness && stiffness) *to.stiffness += *stiffness;
+}
+
+Error margin_error() {
+  return {Errc::invalid_argument, "the margin is not a number; give it in m"};
 }
 
 SurfaceView with_policy(SurfaceView surface, const Scene& scene) {
@@ -347,12 +352,29 @@ Status SceneContact::any(const Scene& scene, const ScenePoses& poses, double mar
   Impl& impl = *impl_;
   if (const Status status = check_poses(poses, impl.tools.size()); !status) return status;
   if (const Status s = check_clearance(impl.method, 1, 0); !s) return s;
-  if (!std::isfinite(margin)) {
-    return Error{Errc::invalid_argument, "the margin is not a number; give it in m"};
-  }
+  if (!std::isfinite(margin)) return margin_error();
   if (const Status status = impl.take(scene); !status) return status;
   if (const Status s = impl.clearances->take(impl.surfaces, scene.bodies); !s) return s;
   return impl.clearances->any(poses, margin, hits);
+}
+
+Result<std::optional<RefusedPosition>> SceneContactMaker::measure_tree(const SceneContact& contact,
+                                                                       const Scene& scene,
+                                                                       const JointPoses& poses,
+                                                                       const TreeAnswers& answers) {
+  SceneContact::Impl& impl = *contact.impl_;
+  const double limit = answers.hits != nullptr ? 1 : answers.limit;
+  if (const Status s = check_clearance(impl.method, limit, 0); !s) return s.error();
+  if (!std::isfinite(answers.limit)) return margin_error();
+  if (const Status s = impl.take(scene); !s) return s.error();
+  if (const Status s = impl.clearances->take(impl.surfaces, scene.bodies); !s) return s.error();
+  return impl.clearances->measure_tree(poses, answers);
+}
+
+Result<std::optional<RefusedPosition>> measure_tree(const SceneContact& contact, const Scene& scene,
+                                                    const JointPoses& poses,
+                                                    const TreeAnswers& answers) {
+  return SceneContactMaker::measure_tree(contact, scene, poses, answers);
 }
 
 }}  // namespace palpate::v0

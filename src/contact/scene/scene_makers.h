@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <utility>
 
@@ -43,6 +44,11 @@ inline SceneMakers cuda_makers() {
 struct SceneContactMaker {
   static Result<SceneContact> make(std::span<const Tool* const> tools, const ContactMethod& method,
                                    const Place& place, int num_threads, const SceneMakers& makers);
+  /// See palpate::measure_tree.
+  static Result<std::optional<RefusedPosition>> measure_tree(const SceneContact& contact,
+                                                             const Scene& scene,
+                                                             const JointPoses& poses,
+                                                             const TreeAnswers& answers);
 };
 
 }}  // namespace palpate::v0

@@ -1,0 +1,14 @@
+// Tools in scenes on GPU 0, or by the emulator in a build without CUDA.
+#pragma once
+
+#include <span>
+
+#include "src/contact/scene/scene_makers.h"
+
+namespace palpate::test {
+
+inline SceneContact scenes_on_gpu(std::span<const Tool* const> tools) {
+  return SceneContactMaker::make(tools, FieldMethod{}, Place::cuda(0), 1, cuda_makers()).value();
+}
+
+}  // namespace palpate::test
