@@ -168,8 +168,8 @@ void ClearanceQuery::add_bodies(const ClearanceScene& scene, const Pose& X_WT,
 Clearance ClearanceQuery::measure(const ClearanceScene& scene, const PoseScreen& screen, int i,
                                   double limit, double below) const noexcept {
   ClearanceJob job = job_;
-  job.limit = job.deepest = static_cast<float>(limit);
-  if (below < limit) job.limit = std::min(job.limit, static_cast<float>(below) + screen.change[i]);
+  job.deepest = static_cast<float>(limit);
+  job.limit = below < limit ? screen.pixel_limit(i, below) : job.deepest;
   const ClearanceHit hit = search(job, screen, i);
   if (hit.kind == ClearanceKind::nothing && scene.bodies().empty()) return {limit};
   const Pose X = unit(screen.X_WT[i]);

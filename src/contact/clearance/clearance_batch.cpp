@@ -119,14 +119,20 @@ class ClearanceBatchCpu final : public ClearanceBatch {
   /// Poses only have to beat those of their group that have been measured just before.
   void measure_groups(const ScenePoses& poses, std::size_t first, double limit, Worker& worker,
                       const Put& put) const {
+    const PoseScreen& screen = worker.screen;
+    const Clearance saturated{limit};
+    const bool has_bodies = !scene_.bodies().empty();
     for_groups(poses, first, worker, [&](std::size_t, std::span<const int> numbers) {
       double least = limit;
       for (const int number : numbers) {
         const std::size_t i = first + static_cast<std::size_t>(number);
         if (!is_finite(poses.X_WT[i])) continue;
-        const Clearance found = least <= -limit ? Clearance{limit}
-                                                : queries_[tool_of(poses, i)].measure(
-                                                      scene_, worker.screen, number, limit, least);
+        if (least <= -limit || (!has_bodies && screen.is_far(number, least))) {
+          put(i, saturated);
+          continue;
+        }
+        const Clearance found =
+            queries_[tool_of(poses, i)].measure(scene_, screen, number, limit, least);
         least = std::min(least, found.value);
         put(i, found);
       }

@@ -127,6 +127,7 @@ class VectorSearch {
       const VecI is_it = lane_ids() == splat(first_lane(mask_bits(value == splat(deepest))));
       look_inside<true>(image, spheres, sight, is_it, best(), found);
       keep(is_it, depth_value(found, spheres), found, camera, true, true);
+      if (best() <= -job_.deepest) return;  // none is told to be deeper
       lanes &= ~is_it;
       const std::int32_t pixel = lane_of(found.pixel, first_lane(mask_bits(is_it)));
       if (pixel < 0) continue;

@@ -27,6 +27,13 @@ struct PoseScreen {
     float R_CT[3][3][kMost] = {}, p_CT[3][kMost] = {};
   } placed[kMaxCameras];
 
+  /// m: pixels from here on do not matter to a clearance below this.
+  float pixel_limit(int pose, double below) const {
+    const float with_plane = static_cast<float>(below) + change[pose];
+    return with_plane < limit ? with_plane : limit;
+  }
+  /// True if no clearance is below this and the limit.
+  bool is_far(int pose, double below) const { return least[pose] >= pixel_limit(pose, below); }
   /// Writes the place of a tool in all cameras.
   void put_cameras(int pose, ClearanceCamera* to) const {
     for (int k = 0; k < num_cameras; ++k) put_camera(pose, k, to[k]);

@@ -60,12 +60,13 @@ struct SurfaceWindow {
   /// N with N . x = 1 on the plane through those within `reach` pixels: the inverse depth is linear
   /// in the image. Least squares. False: the pixels lie on a line.
   PALPATE_HOSTDEV bool fit(int reach, Vec3d& N) const {
-    constexpr int kMost = 2 * kMostReach + 1;
-    const int num = 2 * reach + 1;
-    std::int32_t places[kMost];  // of columns in a row; -1: there is none
-    for (int i = 0; i < num; ++i) {
-      const int at_u = u + i - reach;
-      places[i] = at_u < 0 || at_u >= image.width ? -1 : image.place(0, at_u, 0);
+    // All loops over columns have the same length, and no branches: vectors take them.
+    constexpr int kWide = 2 * kMostReach + 1;
+    std::int32_t places[kWide];  // of columns in a row; -1: there is none
+    for (int k = 0; k < kWide; ++k) {
+      const int i = k - kMostReach, at_u = u + i;
+      const bool is_there = i >= -reach && i <= reach && at_u >= 0 && at_u < image.width;
+      places[k] = is_there ? image.place(0, at_u, 0) : -1;
     }
     int count = 0, sum_i = 0, sum_j = 0, sum_ii = 0, sum_ij = 0, sum_jj = 0;
     double y = 0, iy = 0, jy = 0;
@@ -73,23 +74,30 @@ struct SurfaceWindow {
       const int at_v = v + j;
       if (at_v < 0 || at_v >= image.height) continue;
       const float* const row = image.nearest[0] + image.place(0, 0, at_v);
-      double inverse[kMost];  // 0: of another surface
-      for (int i = 0; i < num; ++i) {
-        const double here = places[i] < 0 ? 0.0 : static_cast<double>(row[places[i]]);
-        inverse[i] = places[i] >= 0 && is_near(here, i - reach, j) ? 1 / here : 0.0;
+      double here[kWide], inverse[kWide];  // inverse 0: of another surface
+      for (int k = 0; k < kWide; ++k) {
+        here[k] = places[k] < 0 ? -1.0 : static_cast<double>(row[places[k]]);
       }
-      for (int k = 0; k < num; ++k) {
-        const int i = k - reach, is_there = inverse[k] > 0 ? 1 : 0;
-        count += is_there;
-        sum_i += is_there * i;
-        sum_j += is_there * j;
-        sum_ii += is_there * i * i;
-        sum_ij += is_there * i * j;
-        sum_jj += is_there * j * j;
+      for (int k = 0; k < kWide; ++k) {
+        const double by_here = 1 / here[k];
+        inverse[k] = is_near(here[k], k - kMostReach, j) ? by_here : 0.0;
+      }
+      int in_row = 0, row_i = 0, row_ii = 0;
+      for (int k = 0; k < kWide; ++k) {
+        const int i = k - kMostReach, is_there = inverse[k] > 0 ? 1 : 0;
+        in_row += is_there;
+        row_i += is_there * i;
+        row_ii += is_there * i * i;
         y += inverse[k];
         iy += i * inverse[k];
         jy += j * inverse[k];
       }
+      count += in_row;
+      sum_i += row_i;
+      sum_j += j * in_row;
+      sum_ii += row_ii;
+      sum_ij += j * row_i;
+      sum_jj += j * j * in_row;
     }
     const double n = count, i1 = sum_i, j1 = sum_j, ii = sum_ii, ij = sum_ij, jj = sum_jj;
     const double a = ii - i1 * i1 / n, b = ij - i1 * j1 / n, c = jj - j1 * j1 / n;

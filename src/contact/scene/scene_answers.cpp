@@ -10,7 +10,9 @@ void put_clearance(std::size_t pose, const Clearance& at, const SceneAnswers& an
   if (answers.nearest != nullptr) answers.nearest[pose] = at.sphere;
   if (answers.decided != nullptr) answers.decided[pose] = at.decider;
   if (answers.clearance_gradient != nullptr) {
-    std::copy_n(at.gradient, 6, answers.clearance_gradient + 6 * pose);
+    for (std::size_t k = 0; k < 6; ++k) {
+      answers.clearance_gradient[6 * pose + k] = at.gradient[k];
+    }
   }
 }
 
