@@ -100,8 +100,9 @@ class SceneContact {
   ~SceneContact();
 
   /// One measurement of the first tool, as ContactQuery::measure against the cameras of the scene,
-  /// plus that against each body.
-  ContactResult measure(const Scene& scene, const Pose& X_WT, const ContactWants& wants = {}) const;
+  /// plus that against each body. `in_bodies`: null, or gets the bodies' share of the volume, m3.
+  ContactResult measure(const Scene& scene, const Pose& X_WT, const ContactWants& wants = {},
+                        double* in_bodies = nullptr) const;
   /// Many poses. The result of a pose has the same bits whatever else is asked, for any number of
   /// threads. Allocates for a new scene. Errors: an empty scene; more than kMaxCameras; surfaces in
   /// different places; several that were not made to be joined; an index of a tool or group out of
