@@ -61,16 +61,16 @@ class ClearanceBatchCpu final : public ClearanceBatch {
         pool_, poses.X_WT.size(), [&](std::size_t thread, std::size_t first, std::size_t end) {
           Worker& worker = workers_[thread];
           place(poses, first, end, margin, true, worker.screen);
+          const auto is_hit = [&](int number) {
+            const std::size_t i = first + static_cast<std::size_t>(number);
+            return !is_finite(poses.X_WT[i]) ||
+                   queries_[tool_of(poses, i)].is_within(scene_, worker.screen, number, margin);
+          };
           for_groups(poses, first, worker, [&](std::size_t group, std::span<const int> numbers) {
             for (const int number : numbers) {
               if (__atomic_load_n(&hits[group], __ATOMIC_RELAXED) != 0) return;
-              const std::size_t i = first + static_cast<std::size_t>(number);
-              const ClearanceQuery& query = queries_[tool_of(poses, i)];
-              if (is_finite(poses.X_WT[i]) &&
-                  !query.is_within(scene_, worker.screen, number, margin)) {
-                continue;
-              }
-              __atomic_store_n(&hits[group], std::uint8_t{1}, __ATOMIC_RELAXED);
+              if (!is_hit(number)) continue;
+              return __atomic_store_n(&hits[group], std::uint8_t{1}, __ATOMIC_RELAXED);
             }
           });
         });
@@ -96,23 +96,26 @@ class ClearanceBatchCpu final : public ClearanceBatch {
     scene_.place(screen, kernels_);
   }
 
-  /// Calls visit(group, numbers) for poses of a screen that follow each other in one group, those
-  /// that seem to be the nearest first.
+  /// Calls visit(group, numbers) for poses of a screen that follow each other in one group and may
+  /// be near something, those that seem to be the nearest first.
   template <class Visit>
-  static void for_groups(const ScenePoses& poses, std::size_t first, Worker& worker,
-                         const Visit& visit) {
-    const float* const least = worker.screen.least;
-    for (int begin = 0, end = 0; begin < worker.screen.num; begin = end) {
+  void for_groups(const ScenePoses& poses, std::size_t first, Worker& worker,
+                  const Visit& visit) const {
+    const PoseScreen& screen = worker.screen;
+    const bool has_bodies = !scene_.bodies().empty();
+    for (int begin = 0, end = 0; begin < screen.num; begin = end) {
       const std::size_t group = group_of(poses, first + static_cast<std::size_t>(begin));
-      for (; end < worker.screen.num; ++end) {
+      int num = 0;
+      for (; end < screen.num; ++end) {
         if (group_of(poses, first + static_cast<std::size_t>(end)) != group) break;
-        int at = end;
-        for (; at > begin && least[worker.order[at - 1]] > least[end]; --at) {
+        if (!has_bodies && screen.is_far(end)) continue;
+        int at = num++;
+        for (; at > 0 && screen.least[worker.order[at - 1]] > screen.least[end]; --at) {
           worker.order[at] = worker.order[at - 1];
         }
         worker.order[at] = end;
       }
-      visit(group, std::span<const int>(worker.order + begin, worker.order + end));
+      if (num > 0) visit(group, std::span<const int>(worker.order, static_cast<std::size_t>(num)));
     }
   }
 
@@ -121,20 +124,20 @@ class ClearanceBatchCpu final : public ClearanceBatch {
                       const Put& put) const {
     const PoseScreen& screen = worker.screen;
     const Clearance saturated{limit};
-    const bool has_bodies = !scene_.bodies().empty();
+    for (int number = 0; number < screen.num; ++number) {
+      const std::size_t i = first + static_cast<std::size_t>(number);
+      if (is_finite(poses.X_WT[i])) put(i, saturated);
+    }
     for_groups(poses, first, worker, [&](std::size_t, std::span<const int> numbers) {
       double least = limit;
       for (const int number : numbers) {
         const std::size_t i = first + static_cast<std::size_t>(number);
         if (!is_finite(poses.X_WT[i])) continue;
-        if (least <= -limit || (!has_bodies && screen.is_far(number, least))) {
-          put(i, saturated);
-          continue;
-        }
         const Clearance found =
             queries_[tool_of(poses, i)].measure(scene_, screen, number, limit, least);
+        if (found.value < limit) put(i, found);
         least = std::min(least, found.value);
-        put(i, found);
+        if (least <= -limit) return;
       }
     });
   }

@@ -18,12 +18,20 @@ namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 
 namespace {
 
+// Not finite if a pose is not.
+VecD sum_of(const LanePose& X) {
+  const LaneVector& t = X.translation;
+  const LaneRotation& q = X.rotation;
+  return t.x + t.y + t.z + q.x + q.y + q.z + q.w;
+}
+
 // Places all poses before a camera.
 void place_poses(PoseScreen& screen, int camera) {
   const LanePose X_CW = splat(screen.cameras[camera].X_CW);
   PoseScreen::Placed& to = screen.placed[camera];
   for (int first = 0; first < screen.num; first += kDoubles) {
     LanePose X_WT = load(screen.X_WT + first, screen.num - first);
+    store(&screen.finite[first], sum_of(X_WT));
     X_WT.rotation = normalized(X_WT.rotation);
     const LanePose X_CT = X_CW * X_WT;
     const LaneMatrix R = rotation_matrix(X_CT.rotation);
@@ -79,6 +87,9 @@ void screen_poses(PoseScreen& screen) {
       const CameraPoint<VecF> p{row(0), row(1), row(2)};
       least = min(least, bound_around(screen.cameras[k].field, p, radius, most));
     }
+    const VecF finite = load(&screen.finite[first]);
+    const VecI is_known = finite - finite == VecF{};
+    least = select(is_known, least, splat(-kFarAway));
     store(&screen.least[first], screen.cameras[0].is_joined != 0 ? splat(-kFarAway) : least);
   }
 }

@@ -2,8 +2,8 @@
 // kernel files only, of processors and of GPUs.
 #pragma once
 
-#include "src/contact/clearance/depth_around.h"
-#include "src/contact/clearance/sphere_sight.h"
+#include "src/contact/clearance/search/depth_around.h"
+#include "src/contact/clearance/search/sphere_sight.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 

@@ -21,7 +21,9 @@ struct PoseScreen {
 
   // Results of each pose.
   float change[kMost] = {};  ///< m: planes change distances by no more
-  float least[kMost] = {};   ///< m: no pixel gives a sphere a lower clearance, up to the limit
+  float least[kMost] = {};   ///< m: no pixel gives a sphere a lower clearance, up to the limit;
+                             ///< far below 0 of poses that are not finite
+  float finite[kMost] = {};  ///< not finite if the pose is not
   /// Tool in each camera.
   struct Placed {
     float R_CT[3][3][kMost] = {}, p_CT[3][kMost] = {};
@@ -30,10 +32,10 @@ struct PoseScreen {
   /// m: pixels from here on do not matter to a clearance below this.
   float pixel_limit(int pose, double below) const {
     const float with_plane = static_cast<float>(below) + change[pose];
-    return with_plane < limit ? with_plane : limit;
+    return is_margin || with_plane < limit ? with_plane : limit;
   }
-  /// True if no clearance is below this and the limit.
-  bool is_far(int pose, double below) const { return least[pose] >= pixel_limit(pose, below); }
+  /// True if a finite pose has no clearance below the limit, to what cameras have seen.
+  bool is_far(int pose) const { return least[pose] >= (is_margin ? limit + change[pose] : limit); }
   /// Writes the place of a tool in all cameras.
   void put_cameras(int pose, ClearanceCamera* to) const {
     for (int k = 0; k < num_cameras; ++k) put_camera(pose, k, to[k]);

@@ -4,7 +4,7 @@
 
 #include "src/contact/clearance/clearance_search.h"
 #include "src/contact/clearance/nearest_rules.h"
-#include "src/contact/clearance/search_lanes.h"
+#include "src/contact/clearance/search/search_lanes.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 

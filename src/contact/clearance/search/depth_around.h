@@ -2,7 +2,7 @@
 // ball than its distance to that depth would show there. Included by kernel files only.
 #pragma once
 
-#include "src/contact/clearance/image_search.h"
+#include "src/contact/clearance/search/image_search.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 

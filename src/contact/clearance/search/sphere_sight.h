@@ -2,7 +2,7 @@
 // files only.
 #pragma once
 
-#include "src/contact/clearance/image_search.h"
+#include "src/contact/clearance/search/image_search.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 
