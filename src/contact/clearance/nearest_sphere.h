@@ -63,20 +63,23 @@ class VectorSearch {
   PALPATE_LANE_CODE void run_alone(int camera) {
     const Image& image = *job_.cameras[camera].field;
     const SphereLanes spheres = spheres_at(job_, job_.cameras[camera], slot_);
-    const VecF bound = bound_around(image, spheres.at, spheres.radius, splat(best()));
-    const VecI lanes = lanes_ & (bound < splat(best()));
-    if (!is_any_set(lanes)) return;
-    const Sight sight = sight_of(image, spheres);
-    const VecI inside = lanes & sight.is_solid;
-    const VecI outside = lanes & ~sight.is_solid & (spheres.radius > splat(-best()));
-    if (is_any_set(inside)) {
-      if (is_any_set(inside & (-spheres.radius < splat(job_.enough)))) {
+    Sight sight;
+    const bool ends_inside = job_.enough > -1e9f;  // then one look may be enough
+    if (ends_inside) {
+      sight = sight_of(image, spheres);
+      if (is_any_set(lanes_ & sight.is_solid & (-spheres.radius < splat(job_.enough)))) {
         hit_.value = -1e9f;
         hit_.kind = ClearanceKind::deep;
         return;
       }
-      find_deepest(image, spheres, sight, inside, camera);
     }
+    const VecF bound = bound_around(image, spheres.at, spheres.radius, splat(best()));
+    const VecI lanes = lanes_ & (bound < splat(best()));
+    if (!is_any_set(lanes)) return;
+    if (!ends_inside) sight = sight_of(image, spheres);
+    const VecI inside = lanes & sight.is_solid;
+    const VecI outside = lanes & ~sight.is_solid & (spheres.radius > splat(-best()));
+    find_deepest(image, spheres, sight, inside, camera);
     if (!is_any_set(outside)) return;
     Found found = start(spheres.radius);
     offer<true>(image, spheres, outside & sight.is_in_image, sight.column, sight.row, sight.depth,
