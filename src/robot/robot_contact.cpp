@@ -272,7 +272,7 @@ void RobotMeasures::reduce(const Robot::Data& robot, const RobotPlaces& places,
     const double* const here = clearance.data() + from;
     const auto least = static_cast<std::size_t>(std::min_element(here, here + num_limbs) - here);
     if (to.clearance) to.clearance[i] = here[least];
-    if (to.link) to.link[i] = nearest[from + least] >= 0 ? static_cast<std::int32_t>(least) : -1;
+    if (to.link) to.link[i] = here[least] < to.clearance_limit ? static_cast<int>(least) : -1;
     const auto add_gradient = [&](std::size_t l, double* by_joint) {
       std::fill_n(by_joint, n, 0.0);
       if (nearest[from + l] < 0) return;
@@ -309,7 +309,7 @@ void RobotMeasures::reduce(const Robot::Data& robot, const RobotPlaces& places,
     }
   }
   if (to.volume) to.volume[i] = inside;
-  if (to.unseen) to.unseen[i] = not_seen / all;
+  if (to.unseen) to.unseen[i] = std::min(1.0, not_seen / all);
 }
 
 }}  // namespace palpate::v0

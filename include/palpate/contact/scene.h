@@ -62,7 +62,7 @@ struct SceneAnswers {
   /// P, m: least of phi(c) - r over the spheres, negative inside: phi is the signed distance of the
   /// center to the hull of what was seen, or to a body. Between -limit and limit.
   double* clearance = nullptr;
-  std::int32_t* nearest = nullptr;  ///< P: its sphere; -1: saturated
+  std::int32_t* nearest = nullptr;  ///< P: its sphere; -1: saturated, far or deep: see the sign
   std::int32_t* decided = nullptr;  ///< P: its camera, or cameras + body; -1: saturated
   /// P x 6: its derivative by translation and rotation about the tool's center of mass C, in W.
   double* clearance_gradient = nullptr;

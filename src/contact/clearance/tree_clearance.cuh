@@ -251,7 +251,7 @@ __global__ void put_answers(const __grid_constant__ TreeJob job) {
   const bool is_known = least.sphere >= 0 && least.value > -limit;
   const std::int32_t link = job.link[i];
   if (out.clearance != nullptr) out.clearance[i] = greater(least.value, -limit);
-  if (out.link != nullptr) out.link[i] = is_known ? link : -1;
+  if (out.link != nullptr) out.link[i] = least.value < limit ? link : -1;
   if (out.clearance_by_joint == nullptr) return;
   const int n = job.num_positions;
   double* const by_joint = out.clearance_by_joint + static_cast<std::ptrdiff_t>(n) * i;

@@ -169,7 +169,7 @@ void SceneContact::Impl::measure_pose(std::size_t thread, const Scene& scene,
   const ContactResult result = measure(thread, scene, tool, X_WT, wants);
   put_answers(pose, result, answers.contact);
   if (answers.unseen != nullptr) {
-    answers.unseen[pose] = result.penetration.unseen_volume / full_volumes[tool];
+    answers.unseen[pose] = std::min(1.0, result.penetration.unseen_volume / full_volumes[tool]);
   }
   if (answers.group_volume != nullptr) answers.contact.volume[pose] = result.penetration.volume;
   if (answers.max_spheres > 0) {
@@ -199,7 +199,7 @@ Status SceneContact::Impl::measure_at_once(const Scene& scene, const ScenePoses&
   double* const unseen = is_by_itself ? nullptr : answers.unseen;
   if (const Status s = scenes->measure(of, answers.contact, unseen); !s) return s;
   for (std::size_t i = 0; answers.unseen != nullptr && i < poses.X_WT.size(); ++i) {
-    answers.unseen[i] /= full_volumes[tool_of(poses, i)];
+    answers.unseen[i] = std::min(1.0, answers.unseen[i] / full_volumes[tool_of(poses, i)]);
   }
   return Done{};
 }
