@@ -80,7 +80,7 @@ class ClearanceBatchCpu final : public ClearanceBatch {
  private:
   struct Worker {
     PoseScreen screen;
-    int order[PoseScreen::kMost];
+    int order[PoseScreen::kMaxPoses];
     std::vector<ClearanceHit> each;
   };
 
