@@ -38,7 +38,13 @@ std::string unknown_words(const CLI::App& verb) {
   for (const CLI::Option* other : verb.get_options()) {
     for (const std::string& word : other->get_lnames()) known.push_back("--" + word);
   }
-  return "there is no option '" + flag + "'" + did_you_mean(flag, known);
+  const std::string unknown = "there is no option '" + flag + "'";
+  if (flag == "--stiffness" && std::ranges::count(known, "--set") > 0) {
+    return unknown +
+           "; newtons of a run are set by --set coupling.force_at_eighth=N, those at an "
+           "eighth of the tool's volume";
+  }
+  return unknown + did_you_mean(flag, known);
 }
 
 /// Prints one line about an invalid command line.

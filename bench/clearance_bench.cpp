@@ -86,6 +86,17 @@ void rate(const Place& place) {
         7, [&] { require(contact.measure(seen.scene, {poses}, found.answers)); }, place);
     const bool is_gpu = place.backend != Backend::cpu;
     rows->add("clearance" + tail, num / clearance, "poses/s", is_gpu ? 5e7 : is_view ? 1e6 : 0.4e6);
+    if (is_gpu) {
+      const SeenWall seen_here;
+      Found here(poses.size());
+      require(contact_of(finger_tool(100)).measure(seen_here.scene, {poses}, here.answers));
+      double difference = 0;
+      for (std::size_t i = 0; i < poses.size(); ++i) {
+        difference = std::max(difference, std::abs(found.clearance[i] - here.clearance[i]));
+      }
+      rows->add("clearance" + tail + "/over-cpu",
+                facts("worst_difference_m=%.2g poses=%d", difference, num));
+    }
     std::vector<std::uint8_t> hits(poses.size());
     const double any = best_time(
         7, [&] { require(contact.any(seen.scene, {poses}, 0.005, hits.data())); }, place);

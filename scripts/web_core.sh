@@ -20,7 +20,7 @@ node web/make_try.mjs "$build/bin/palpate.wasm" "$build/try"
 failed=0
 python=build/python-web/bin/python
 [ -x $python ] || python=python3
-for test in "$python tests/web/wasmtime_test.py $build/bin" "node tests/web/core_test.mjs" "node tests/web/try_test.mjs" "node tests/web/headset_test.mjs"; do
+for test in "$python tests/web/wasmtime_test.py $build/bin" "node tests/web/core_test.mjs" "node tests/web/try_test.mjs" "node tests/web/object_test.mjs" "node tests/web/headset_test.mjs"; do
   status=0
   PALPATE_WEB_CORE="$PWD/$build" $test || status=$?
   [ $status -eq 0 ] || [ $status -eq 77 ] || failed=1

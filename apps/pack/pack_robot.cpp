@@ -18,9 +18,8 @@ constexpr const char* kRobotFlags[] = {"--standoff", "--robot-skip", "--robot-pa
                                        "--robot-geometry"};
 constexpr const char* kOtherFlags[] = {"--robot", "--output", "--json"};  // go with --robot, too
 
-nlohmann::ordered_json json_of(const Robot& robot, const RobotJob& job) {
-  nlohmann::ordered_json json{{"output", job.output},
-                              {"name", robot.name()},
+nlohmann::ordered_json json_of(const Robot& robot) {
+  nlohmann::ordered_json json{{"name", robot.name()},
                               {"spheres", robot.num_spheres()},
                               {"standoff", robot.standoff()},
                               {"joints", nlohmann::json::array()},
@@ -32,6 +31,17 @@ nlohmann::ordered_json json_of(const Robot& robot, const RobotJob& job) {
         {{"name", robot.links()[i]}, {"spheres", robot.tool(i).spheres().size()}});
   }
   return json;
+}
+
+std::string describe(const Robot& robot) {
+  std::string text;
+  for (std::size_t i = 0; i < robot.links().size(); ++i) {
+    text += "link          " + robot.links()[i] + ": " +
+            std::to_string(robot.tool(i).spheres().size()) + " spheres\n";
+  }
+  return text + "joints        " + std::to_string(robot.joints().size()) + "\nspheres       " +
+         std::to_string(robot.num_spheres()) + ", no surface farther than " +
+         number_text(1e3 * robot.standoff(), 3) + " mm from one\n";
 }
 
 }  // namespace
@@ -90,17 +100,23 @@ Status pack_robot(const RobotJob& job) {
   for (const std::string& note : robot->notes()) print_warning(note);
   if (const Status saved = robot->save(job.output); !saved) return saved;
   if (job.json) {
-    print_json(json_of(*robot, job));
+    nlohmann::ordered_json json{{"output", job.output}};
+    json.update(json_of(*robot));
+    print_json(json);
     return Done{};
   }
-  for (std::size_t i = 0; i < robot->links().size(); ++i) {
-    results() << "link          " << robot->links()[i] << ": " << robot->tool(i).spheres().size()
-              << " spheres\n";
+  results() << describe(*robot) << "written       " << job.output << '\n';
+  return Done{};
+}
+
+Status print_robot(const std::string& path, bool is_json) {
+  const auto robot = Robot::open(path);
+  if (!robot) return robot.error();
+  if (is_json) {
+    print_json(json_of(*robot));
+  } else {
+    std::cout << describe(*robot);
   }
-  results() << "joints        " << robot->joints().size() << '\n'
-            << "spheres       " << robot->num_spheres() << ", no surface farther than "
-            << number_text(1e3 * robot->standoff(), 3) << " mm from one\n"
-            << "written       " << job.output << '\n';
   return Done{};
 }
 

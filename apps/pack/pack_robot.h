@@ -20,5 +20,7 @@ void check_robot_packing(const CLI::App& app);
 /// Fills all links with spheres, writes the robot and prints what it has; links that are left out
 /// or miss the standoff are warnings. Errors: no URDF, or those of it; the file cannot be written.
 Status pack_robot(const RobotJob& job);
+/// Prints what a packed robot has. Errors: those of Robot::open.
+Status print_robot(const std::string& path, bool is_json);
 
 }  // namespace palpate::apps

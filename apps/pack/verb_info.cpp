@@ -1,11 +1,13 @@
 // palpate info: prints the contents of a tool file.
 
+#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "apps/options.h"
 #include "apps/output_files.h"
+#include "apps/pack/pack_robot.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/io/files.h"
@@ -25,6 +27,9 @@ Status run(const Options& options) {
     if (const Status status = check_output_file(options.page, OutputKind::page, options.tool);
         !status)
       return status;
+  }
+  if (options.page.empty() && std::filesystem::path(options.tool).extension() == ".palprobot") {
+    return print_robot(options.tool, options.json);
   }
   const auto tool = load_tool(options.tool);
   if (!tool) return tool.error();
@@ -47,8 +52,11 @@ Status run(const Options& options) {
 
 void add_info(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
-  CLI::App& app = *program.add_subcommand("info", "Print the contents of a tool file.");
-  app.add_option("tool", options->tool, "tool file")->required()->type_name("TOOL.palp");
+  CLI::App& app =
+      *program.add_subcommand("info", "Print the contents of a tool file or a packed robot.");
+  app.add_option("tool", options->tool, "tool file, or ROBOT.palprobot")
+      ->required()
+      ->type_name("TOOL.palp");
   app.add_option("--report", options->page, "write an HTML page about the packing")
       ->type_name("PAGE.html");
   app.add_flag("--json", options->json, "print it as JSON");

@@ -21,10 +21,11 @@ constexpr std::size_t kMaxLines = 45, kPipeWidth = 80, kMinWidth = 40, kMaxWidth
 constexpr std::size_t kOptionColumn = 26, kVerbColumn = 13;  // of the descriptions
 
 constexpr std::array kFirstOptions = {
-    "--output", "--camera",   "--depth-sequence", "--depth",  "--intrinsics", "--depth-unit",
-    "--scene",  "--cloud",    "--pose",           "--poses",  "--tool-frame", "--path",
-    "--device", "--duration", "--method",         "--object", "--backend",    "--view",
-    "--json",   "--settings", "--stiffness"};
+    "--output",     "--camera",  "--depth-sequence", "--depth",    "--intrinsics",
+    "--depth-unit", "--scene",   "--cloud",          "--pose",     "--poses",
+    "--tool-frame", "--path",    "--device",         "--duration", "--method",
+    "--object",     "--backend", "--view",           "--json",     "--settings",
+    "--stiffness",  "--std",     "--clearance",      "--unit",     "--spheres"};
 
 bool is_first(const CLI::Option& option) {
   return option.get_positional() || std::ranges::any_of(kFirstOptions, [&](std::string_view name) {

@@ -152,15 +152,18 @@ std::string counted(std::uint64_t number, const char* name) {
 void print_result(const Tool& tool, const RunOutcome& outcome) {
   const LoopReport& loop = outcome.loop;
   const RunPeaks& peaks = outcome.peaks;
-  char text[160];
+  char text[200], on_hand[40] = "";
+  if (outcome.settings.coupling.kind != CouplingKind::none) {
+    std::snprintf(on_hand, sizeof on_hand, ", on the hand %.3g N", peaks.force);
+  }
   if (outcome.nearest) {
     std::snprintf(text, sizeof text, "the tool never touched; nearest %.2g m at %.1f s\n",
                   outcome.nearest->distance, outcome.nearest->time);
   } else {
     std::snprintf(text, sizeof text,
-                  "largest force on the tool %.3g N; deepest %.4g cm³ (%.2f %% of the tool) at "
+                  "largest force on the tool %.3g N%s; deepest %.4g cm³ (%.2f %% of the tool) at "
                   "%.3f s\n",
-                  peaks.contact_force, peaks.volume * 1e6,
+                  peaks.contact_force, on_hand, peaks.volume * 1e6,
                   100 * peaks.volume / full_volume(tool, outcome.settings.contact),
                   peaks.volume_time);
   }
@@ -326,12 +329,21 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   };
   std::optional<Progress> bar("touching");
   std::vector<std::string> said;
+  if (input.probe) said.push_back(input.probe->note);
   run.say = [&said](double time, std::string_view text) {
     char seconds[32];
     std::snprintf(seconds, sizeof seconds, "%.2f s: ", time);
     print_beside_progress(seconds + said.emplace_back(text));
   };
+  bool has_told_refusals = !is_live;
   run.keep_going = [&] {
+    if (!has_told_refusals && loop != nullptr && watch.time() > 0.2) {
+      has_told_refusals = true;
+      // Real time and locked memory that this user may not have: a matter for the start.
+      for (const std::string& note : loop->report().notes) {
+        if (note.find("limits.conf") != note.npos) run.say(watch.time(), note);
+      }
+    }
     if (bar->due()) {
       bar->update(std::isfinite(expected) ? std::optional(watch.time() / expected) : std::nullopt,
                   watch.words(is_live));

@@ -62,6 +62,7 @@ Status run(const TryOptions& given) {
   touch.tool = options.tool;
   if (fs::path(options.tool).extension() != ".palp") {
     touch.tool = (*folder / "tool.palp").string();
+    print_note("packing the " + (options.tool.empty() ? "pen" : options.tool) + ", some seconds");
     status = pack_tool(options, touch.tool);
   }
   touch.output = (*folder / "run").string();

@@ -197,7 +197,7 @@ void add_frozen_options(CLI::App& app, FrozenOptions& options) {
   app.add_option("--cloud", options.cloud, "cloud: points with normals (PLY or PCD)")
       ->type_name("FILE");
   app.add_option("--depth", options.depths,
-                 "16-bit depth image (PNG; or an organized PCD); repeat for several cameras, each "
+                 "16-bit depth image, PNG or an organized PCD; repeat for several cameras, each "
                  "with its --camera-pose")
       ->type_name("FILE");
   add_intrinsics_option(

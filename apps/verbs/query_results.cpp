@@ -25,6 +25,12 @@ nlohmann::ordered_json reported_json(const OutputOptions& output, const Tool& to
           {"torque", to_json(measure.torque)}};
 }
 
+void print_newtons(const char* begin, double stiffness, const Vec3d& force, const Vec3d& torque) {
+  const Vec3d F = stiffness * force, M = stiffness * torque;
+  std::printf("%5s at %g N/m³: force %.4g %.4g %.4g N, torque %.4g %.4g %.4g N m\n", begin,
+              stiffness, F.x, F.y, F.z, M.x, M.y, M.z);
+}
+
 }  // namespace
 
 std::string camera_name(std::size_t number) {
@@ -59,7 +65,7 @@ void print_results_json(const QueryOptions& options, const RunSettings& settings
       json["results"].back()["torque_std"] = to_json(noise->torque_std());
     }
     if (options.settings.contact.method == MethodKind::field) {
-      if (unseen) json["results"].back()["unseen"] = *unseen / tool_volume;
+      if (unseen) json["results"].back()["unseen"] = std::min(1.0, *unseen / tool_volume);
       auto& by = json["results"].back()["decided"];
       for (std::size_t k = 0; k + 1 < decided.size(); ++k) by[camera_name(k)] = decided[k];
       by["none"] = decided.back();
@@ -68,6 +74,10 @@ void print_results_json(const QueryOptions& options, const RunSettings& settings
       const VolumeWrench& measure = penetration.measure_W;
       json["results"].back()["force_N"] = to_json(options.stiffness * measure.force);
       json["results"].back()["torque_Nm"] = to_json(options.stiffness * measure.torque);
+      if (noise) {
+        json["results"].back()["force_std_N"] = to_json(options.stiffness * noise->force_std());
+        json["results"].back()["torque_std_Nm"] = to_json(options.stiffness * noise->torque_std());
+      }
     }
     if (clearance) {
       json["results"].back().update({{"clearance", *clearance},
@@ -116,10 +126,17 @@ void print_results_table(const QueryOptions& options, double tool_volume,
                   noise.volume_std(), 100 * noise.volume_std() / tool_volume, df.x, df.y, df.z,
                   dm.x, dm.y, dm.z);
     }
-    if (options.stiffness == 0) continue;
-    const Vec3d F = options.stiffness * f, M = options.stiffness * m;
-    std::printf("%5s at %g N/m³: force %.4g %.4g %.4g N, torque %.4g %.4g %.4g N m\n", "",
-                options.stiffness, F.x, F.y, F.z, M.x, M.y, M.z);
+    if (options.stiffness > 0) {
+      print_newtons("", options.stiffness, f, m);
+      if (const auto& noise = measurements[i].noise) {
+        print_newtons("+-", options.stiffness, noise->force_std(), noise->torque_std());
+      }
+    }
+    const double unseen = measurements[i].unseen.value_or(0) / tool_volume;
+    if (unseen > 0.01) {
+      std::printf("%5s %.3g %% of the tool is where no camera sees (--unseen %s)\n", "",
+                  100 * std::min(1.0, unseen), name_of(options.settings.field.unseen).data());
+    }
   }
 }
 

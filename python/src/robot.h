@@ -119,7 +119,7 @@ struct Made {
     at = values.data();
     array = array_of(std::move(values), shape);
   }
-  /// Of 0 and 1: as bools, where NumPy has them.
+  /// Returns an array of 0 and 1 as one of bools, where NumPy has it.
   nb::object bools(int gpu) const {
     return gpu == kHostMemory ? nb::object(array.attr("view")("bool")) : array;
   }

@@ -188,7 +188,7 @@ def test_configurations_of_a_robot(scene, library, tmp_path):
         got = gpu.measure(there, given, contact=False)
         assert np.abs(host(got.clearance) - want.clearance).max() < 1e-5
         assert (host(got.held) == want.held).all() and want.held.any()
-        same = host(got.link) == want.link
+        same = (host(got.link) == want.link) | (want.clearance <= -0.1)  # of deep links either may be named
         assert same.mean() > 0.99 and (want.link >= 0).any()
         assert np.abs(host(got.clearance_by_joint) - want.clearance_by_joint)[same].max() < 1e-2
         assert (host(gpu.any(there, given, 0.02)) == cpu.any(seen, joints, 0.02)).mean() > 0.99

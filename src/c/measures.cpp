@@ -12,9 +12,14 @@ struct palpate_contact {
 
 namespace {
 
-/// Adds `weight` times a result to what the caller gets, the first one onto nothing, so that also
-/// the signs of zeros stay. Counts, states and planes are the last one's.
-void add(const ContactResult& result, double weight, bool is_first, palpate_measure& to) {
+/// Measures one pose, and adds `weight` times the result to what the caller gets, the first one
+/// onto nothing, so that also the signs of zeros stay. Counts, states and planes are the last
+/// one's.
+ContactResult add_measured(const palpate_contact& contact, const Scene& scene, const Pose& X_WT,
+                           const ContactWants& wants, double weight, bool is_first,
+                           palpate_measure& to) {
+  double in_bodies = 0;
+  ContactResult result = contact.contact.measure(scene, X_WT, wants, &in_bodies);
   const auto put_one = [&](double value, double& sum) {
     sum = is_first ? weight * value : sum + weight * value;
   };
@@ -30,8 +35,10 @@ void add(const ContactResult& result, double weight, bool is_first, palpate_meas
     for (int j = 0; j < 3; ++j) put_one(result.moments.first[i][j], to.moments[3 * i + j]);
   }
   put_one(result.moments.polar, to.polar_moment);
+  put_one(in_bodies, to.bodies_volume);
   for (int i = 0; i < 36 && result.stiffness; ++i)
     put_one(result.stiffness->m[i / 6][i % 6], to.stiffness[i]);
+  return result;
 }
 
 void put_sigma(const std::optional<MeasureNoise>& noise, palpate_measure& to) {
@@ -104,10 +111,9 @@ int palpate_contact_measure(palpate_contact* contact, const palpate_scene* scene
     out.states = all.states, out.planes = all.planes;
     const Pose X = pose_of(*X_WT);
     const bool is_mixed = all.progress < 1;
-    if (is_mixed)
-      add(contact->contact.measure(scene->at(false), X, wants), 1 - all.progress, true, out);
-    const ContactResult result = contact->contact.measure(newest, X, wants);
-    add(result, all.progress, !is_mixed, out);
+    if (is_mixed) add_measured(*contact, scene->at(false), X, wants, 1 - all.progress, true, out);
+    const ContactResult result =
+        add_measured(*contact, newest, X, wants, all.progress, !is_mixed, out);
     if (wants.noise) put_sigma(result.noise, out);
     for (size_t i = 0; i < planes.size(); ++i) {
       for (int axis = 0; axis < 3; ++axis)

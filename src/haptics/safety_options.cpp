@@ -17,8 +17,8 @@ std::string_view describe(Fault fault) {
       return "no contact was computed in time: the force is off; use a smaller tool or fewer "
              "spheres, or allow a larger contact age";
     case Fault::stale_sensor:
-      return "no depth frame came in time: the force is off; look at the camera, or allow a larger "
-             "sensor age";
+      return "no depth frame came in time: the force is off; look at the camera, close other "
+             "programs if this computer is busy, or allow a larger sensor age";
     case Fault::device:
       return "the device reported no usable state in time, or has taken its force away: the force "
              "is off; check its cable, power and calibration, and whether it is too warm or moved "

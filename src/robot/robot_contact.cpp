@@ -194,9 +194,10 @@ Status RobotContact::measure(const Scene& scene, const RobotPoses& poses,
       to.wants_clearance() || to.volume || to.wrench || to.joint_torque || to.unseen || to.held;
   if (!wants_more) return Done{};
   if (poses.gpu != kHostMemory) {
-    return Error{Errc::invalid_argument,
-                 "of configurations in the memory of a GPU the clearance, its link and its "
-                 "derivative are told alone; give the positions in host memory for more"};
+    return Error{
+        Errc::invalid_argument,
+        "a GPU tells the clearance, its link and its derivative of joints in its memory; give "
+        "the positions in host memory for more"};
   }
   const std::size_t n = robot.joints.size(), num_limbs = robot.limbs.size();
   const std::size_t total = poses.joints.size() / n;
@@ -271,7 +272,7 @@ void RobotMeasures::reduce(const Robot::Data& robot, const RobotPlaces& places,
     const double* const here = clearance.data() + from;
     const auto least = static_cast<std::size_t>(std::min_element(here, here + num_limbs) - here);
     if (to.clearance) to.clearance[i] = here[least];
-    if (to.link) to.link[i] = nearest[from + least] >= 0 ? static_cast<std::int32_t>(least) : -1;
+    if (to.link) to.link[i] = here[least] < to.clearance_limit ? static_cast<int>(least) : -1;
     const auto add_gradient = [&](std::size_t l, double* by_joint) {
       std::fill_n(by_joint, n, 0.0);
       if (nearest[from + l] < 0) return;
@@ -308,7 +309,7 @@ void RobotMeasures::reduce(const Robot::Data& robot, const RobotPlaces& places,
     }
   }
   if (to.volume) to.volume[i] = inside;
-  if (to.unseen) to.unseen[i] = not_seen / all;
+  if (to.unseen) to.unseen[i] = std::min(1.0, not_seen / all);
 }
 
 }}  // namespace palpate::v0

@@ -259,9 +259,12 @@ Status SettingTable::set(std::string_view key, const SettingValue& value) {
   if (Setting* const setting = find(key)) return setting->set(value);
   std::vector<std::string> keys;
   for (const Setting& setting : settings_) keys.push_back(setting.key());
+  // A force is limited by a share, as devices differ.
+  const bool is_force = key == "safety.max_force" || key == "safety.max_torque";
+  const std::string nearest = is_force ? "safety.force_share" : nearest_word(key, keys);
   return Error{Errc::invalid_argument, "there is no setting '" + std::string(key.substr(0, 80)) +
-                                           "'; the nearest one is '" + nearest_word(key, keys) +
-                                           "'"};
+                                           "'; the nearest one is '" + nearest + "'" +
+                                           (is_force ? ", of what the device can give" : "")};
 }
 
 Status check_settings(const SettingTable& table) {

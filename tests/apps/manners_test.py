@@ -16,7 +16,7 @@ import time
 import urllib.request
 
 import cli_case
-from cli_case import CommandLineCase, INTRINSICS, palpate, PALPATE
+from cli_case import CommandLineCase, INTRINSICS, palpate, PALPATE, read
 
 VERBS = ("try", "help", "pack", "info", "export", "shape", "touch", "query", "ros2", "view", "replay", "report", "cameras", "devices",
          "scenes", "record", "calibrate", "eval")
@@ -168,7 +168,67 @@ class Manners(CommandLineCase):
         numbers = re.search(r"at 250000 N/m³: force (\S+) (\S+) (\S+) N, torque", self.succeed(*query, "--stiffness", 2.5e5)).groups()
         for number, value in zip(numbers, result["force_N"]):
             self.assertAlmostEqual(float(number), value, delta=1e-3 * abs(value) + 1e-9)
+        said = json.loads(self.succeed(*query, "--stiffness", 2.5e5, "--std", "--json"))["results"][0]
+        for name, measure in (("force_std_N", "force_std"), ("torque_std_Nm", "torque_std")):
+            self.assertEqual(said[name], [2.5e5 * value for value in said[measure]])
+        deviation = re.search(r" \+- at 250000 N/m³: force (\S+)", self.succeed(*query, "--stiffness", 2.5e5, "--std")).group(1)
+        self.assertAlmostEqual(float(deviation), said["force_std_N"][0], delta=1e-3 * said["force_std_N"][0])
         self.expect_failure(2, *query, "--stiffness", -1, mentions="--stiffness: must be a number from 0")
+        self.expect_failure(2, "touch", self.tool, "--scene", "wall", "--stiffness", 1e6, "-o", self.path("never"),
+                            mentions="--set coupling.force_at_eighth=N")
+        self.expect_failure(2, "touch", self.tool, "--scene", "wall", "--set", "safety.max_force=1", "-o", self.path("never"),
+                            mentions="the nearest one is 'safety.force_share', of what the device can give")
+
+    def test_a_query_says_what_no_camera_sees_and_where_its_deviation_is_too_large(self):
+        query = ("query", self.tool, "--camera", "scene:wall", "--pose")
+        share = json.loads(self.succeed(*query, "0 0 1.02 0 0 0 1", "--json"))["results"][0]["unseen"]
+        told = re.search(r"\n +(\S+) % of the tool is where no camera sees \(--unseen solid\)", self.succeed(*query, "0 0 1.02 0 0 0 1"))
+        self.assertAlmostEqual(float(told.group(1)), 100 * share, delta=0.5)
+        self.assertNotIn("no camera sees", self.succeed(*query, "0 0 0.97 0 0 0 1"))
+        many = self.path("many.palp")
+        self.succeed("pack", self.mesh, "-o", many, "--spheres", 5000)
+        for tool, z, is_said in ((many, 1.1, True), (many, 0.99, False), (self.tool, 1.1, False)):
+            result = palpate("query", tool, "--camera", "scene:wall", "--pose", f"0 0 {z} 0 0 0 1", "--std")
+            self.assertEqual("up to four times too large" in result.stderr, is_said, (tool, z, result.stderr))
+
+    def test_a_far_place_puts_the_depth_unit_in_doubt(self):
+        run = self.path("far")
+        for unit, is_far in (((), True), (("--depth-unit", 0.0001), False)):  # 5 m or 0.5 m
+            result = palpate("touch", self.tool, "--depth-sequence", self.frames, "--intrinsics", INTRINSICS, *unit, "-o", run)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            told = [text for text in json.loads(read(os.path.join(run, "summary.json")))["warnings"]
+                    if "the nearest good place is 5 m away" in text and "--depth-unit" in text]
+            self.assertEqual((len(told), result.stderr.count("good place")), (is_far, is_far), result.stderr)
+
+    def test_a_hand_without_force_is_said(self):
+        run = self.path("without_force")
+        for age, is_off in ((0.02, True), (0.5, False)):  # s; of frames at 30 Hz
+            result = palpate("touch", self.tool, "--scene", "sphere-out-160", "--coupling", "virtual", "--duration", 2,
+                             "--set", f"safety.max_sensor_age={age}", "-o", run)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            summary = json.loads(read(os.path.join(run, "summary.json")))
+            on_tool, on_hand = re.search(r"largest force on the tool (\S+) N, on the hand (\S+) N;", result.stdout).groups()
+            self.assertAlmostEqual(float(on_tool), summary["peaks"]["force_N"], delta=0.01)
+            self.assertAlmostEqual(float(on_hand), summary["peaks"]["hand_force_N"], delta=0.01)
+            told = [text for text in summary["warnings"] if "the force on the hand was off for" in text]
+            self.assertEqual((len(told), result.stderr.count("was off for")), (is_off, is_off), result.stderr)
+            if is_off:
+                first = summary["faults"][0]
+                self.assertRegex(told[0], f"of 2.00 s, first at {first['time_s']:.2f} s: no depth frame came in time; look at")
+
+    def test_a_mesh_in_the_place_of_a_tool_names_the_whole_command(self):
+        self.expect_failure(1, "query", self.mesh, "--camera", "scene:wall", "--pose", "0 0 1 0 0 0 1",
+                            mentions=f"'palpate pack {self.mesh} -o {self.mesh[:-4]}.palp'")
+
+    def test_help_shows_what_examples_use(self):
+        told = self.succeed("pack", "--help")
+        self.assertIn("--unit", told)
+        self.assertIn("--spheres", told)
+        told = self.succeed("query", "--help")
+        results = told.split("\nResults:\n")[1].split("\n\n")[0]
+        for option in ("--stiffness", "--std", "--clearance", "--json"):
+            self.assertIn(option, results)
+        self.assertRegex(told, r"16-bit depth image, PNG or an\s+organized PCD")
 
     def test_a_query_in_front_says_how_near_it_is(self):
         query = ("query", self.tool, "--camera", "scene:wall")

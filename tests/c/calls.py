@@ -27,7 +27,8 @@ class Measure(Structure):
     _fields_ = [("size", c_uint32), ("wants", c_uint32), ("progress", c_double), ("states", c_void_p), ("planes", c_void_p),
                 ("status", c_uint32), ("num_boundary", c_int32), ("num_inside", c_int32), ("volume", c_double),
                 ("potential", c_double), ("force", c_double * 3), ("torque", c_double * 3), ("stiffness", c_double * 36),
-                ("sigma", c_double * 7), ("moments", c_double * 9), ("polar_moment", c_double)]
+                ("sigma", c_double * 7), ("moments", c_double * 9), ("polar_moment", c_double),
+                ("bodies_volume", c_double)]
 
 
 class Answers(Structure):
@@ -110,6 +111,17 @@ def main():
     for clearance in clearances:
         show("clearance", [clearance])
 
+    box = made(lib.palpate_tool_pack_shape(b"box", c_double(0.1), b"packing.spheres = 50", byref(error)))
+    X_WB = Pose((0.05, 0.02, 0.56), (0, 0, 0, 1))
+    assert lib.palpate_scene_add_body(scene, box, byref(X_WB), byref(error)) == 0, error.text
+    for i in range(5):
+        m = sized(Measure, wants=1, progress=1)
+        assert lib.palpate_contact_measure(field, scene, byref(pose(i)), byref(m), byref(error)) == 0, error.text
+        show("body", [m.volume, m.bodies_volume, *m.force, *m.torque, m.stiffness[14], *m.moments, m.polar_moment])
+    lib.palpate_scene_free(scene)
+    scene = made(lib.palpate_scene_create(byref(error)))
+    lib.palpate_scene_add_sensor(scene, sensor, byref(error))
+
     device = sized(Device, limits=(10, 0.5, 2000, 5, 10, 0.2, 1, 0.001), rate=1000)
     hand = made(lib.palpate_hand_create(tool, byref(device), None, byref(error)))
     X_WT, start = pose(0), Pose()
@@ -135,7 +147,7 @@ def main():
         for count in pixels:
             hashed = (hashed ^ count) * 0x100000001B3 % 2**64
         print(f"frame {hashed:016x}")
-    for free, handle in (("hand", hand), ("contact", field), ("scene", scene), ("sensor", sensor), ("tool", tool),
+    for free, handle in (("hand", hand), ("contact", field), ("scene", scene), ("sensor", sensor), ("tool", tool), ("tool", box),
                          ("simulation", simulation)):
         getattr(lib, f"palpate_{free}_free")(handle)
 

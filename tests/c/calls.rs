@@ -14,7 +14,7 @@ struct Camera { size: u32, width: i32, height: i32, intrinsics: [f64; 4], distor
 struct Measure {
     size: u32, wants: u32, progress: f64, states: *mut u8, planes: *mut f32, status: u32, num_boundary: i32, num_inside: i32,
     volume: f64, potential: f64, force: [f64; 3], torque: [f64; 3], stiffness: [f64; 36], sigma: [f64; 7], moments: [f64; 9],
-    polar_moment: f64,
+    polar_moment: f64, bodies_volume: f64,
 }
 
 #[link(name = "palpate_c")]

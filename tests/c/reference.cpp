@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "palpate/contact/body_contact.h"
 #include "palpate/contact/scene.h"
 #include "palpate/haptics/coupling.h"
 #include "palpate/haptics/safety.h"
@@ -50,6 +51,29 @@ void measure(const Tool& tool, const SurfaceView& surface, const char* name,
     print(name, {r.penetration.volume, r.penetration.potential, force.x, force.y, force.z, torque.x,
                  torque.y, torque.z, r.stiffness ? r.stiffness->m[2][2] : 0,
                  r.stiffness ? r.stiffness->m[3][4] : 0});
+  }
+}
+
+/// Measures beside a box: what the camera sees, plus the pair of bodies.
+void measure_beside_box(const Tool& tool, const SurfaceView& surface) {
+  const auto solid = check_solid(make_shape("box", 0.1).value()).value();
+  const Tool box = Tool::pack(solid.mesh, {.max_spheres = 50}).value();
+  const Pose X_WB{{0.05, 0.02, 0.56}, {}};
+  const Contact contact = Contact::create(tool).value();
+  const auto pair = make_body_pair_query(Backend::cpu, tool, box).value();
+  for (int i = 0; i < 5; ++i) {
+    const ContactResult seen = contact.measure(surface, pose(i), {.stiffness = true});
+    const BodyPenetration with = pair->measure(pose(i), X_WB, true);
+    const Vec3d force = seen.penetration.measure_W.force + with.on_a.measure_W.force;
+    const Vec3d torque = seen.penetration.measure_W.torque + with.on_a.measure_W.torque;
+    const auto first = [&](int row, int column) {
+      return seen.moments.first[row][column] + with.moments_a.first[row][column];
+    };
+    print("body",
+          {seen.penetration.volume + with.on_a.volume, with.on_a.volume, force.x, force.y, force.z,
+           torque.x, torque.y, torque.z, seen.stiffness->m[2][2] + with.stiffness_a->m[2][2],
+           first(0, 0), first(0, 1), first(0, 2), first(1, 0), first(1, 1), first(1, 2),
+           first(2, 0), first(2, 1), first(2, 2), seen.moments.polar + with.moments_a.polar});
   }
 }
 
@@ -113,6 +137,7 @@ void run() {
       scene.measure({.surfaces = {surface}}, {.X_WT = poses}, {.clearance = clearances.data()});
   if (!status) std::printf("%s\n", status.error().message.c_str());
   for (const double clearance : clearances) print("clearance", {clearance});
+  measure_beside_box(tool, surface);
   push(tool, surface);
   scenes::Scene hand = scenes::make_scene("hand").value();
   scenes::set_image_size(hand, 160, 120);

@@ -188,6 +188,34 @@ TEST(Robot, Clearance_is_that_of_the_nearest_sphere_and_its_gradient_that_of_dif
   }
 }
 
+TEST(Robot, A_link_that_is_deep_inside_is_named_and_none_where_nothing_is_near) {
+  const test::SeenWall wall;
+  const RobotContact contact = RobotContact::create(test::arm(), Place::cpu(), 1).value();
+  const std::vector<double> joints(3);
+  for (const auto& [z, wanted] :
+       {std::pair{3.0, -0.1}, std::pair{-0.8, 0.1}}) {  // m, behind and before
+    double clearance = 0;
+    std::int32_t link = -2;
+    std::vector<double> gradient(3, 1.0), each(4);
+    RobotAnswers to;
+    to.clearance = &clearance;
+    to.link = &link;
+    to.clearance_by_joint = gradient.data();
+    for (double* const all : {static_cast<double*>(nullptr), each.data()}) {
+      to.link_clearance = all;
+      ASSERT_TRUE(contact.measure(wall.scene, {joints, {{0, 0, z}, {}}}, to));
+      EXPECT_EQ(clearance, wanted);
+      EXPECT_EQ(gradient, std::vector<double>(3));
+      if (wanted > 0) {
+        EXPECT_EQ(link, -1);
+      } else {
+        ASSERT_TRUE(link >= 0 && link < 4);
+      }
+    }
+    if (wanted < 0) EXPECT_EQ(each[static_cast<std::size_t>(link)], wanted);
+  }
+}
+
 TEST(Robot, Joint_torques_do_the_work_of_the_wrenches) {
   const test::SeenWall wall;
   const Robot robot = test::arm();

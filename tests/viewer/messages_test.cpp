@@ -218,6 +218,7 @@ TEST(Messages, SamplesHaveTheColumnsThatHelloNames) {
     EXPECT_EQ(row["contact_force_z"], -2.f);
     EXPECT_EQ(row["contact_torque_x"], 0.1f);
     EXPECT_EQ(row["volume"], float(sample.volume));
+    EXPECT_EQ(row["objects_volume"], float(0.25 * sample.volume));
     EXPECT_EQ(row["compute"], 4.f);
     EXPECT_EQ(row["contact_age"], 0.001f);
     EXPECT_EQ(row["sensor_age"], 0.02f);

@@ -90,6 +90,7 @@ inline ViewSample scripted_sample(std::uint64_t k, double sample_rate) {
   sample.F_H_B = {{2 * std::sin(kPi * t), 1, -std::cos(kPi * t)}, {0.01, 0.02, 0.03}};
   sample.contact_W = {{0, 0, -2}, {0.1, 0.2, 0.3}};
   sample.volume = 1e-6 * (1 + std::sin(kPi * t));
+  sample.objects_volume = 0.25 * sample.volume;
   sample.compute_seconds = 4e-6;
   sample.contact_age = 1e-3;
   sample.sensor_age = 0.02;

@@ -12,7 +12,7 @@ if (!existsSync(packages)) {
   console.log('SKIPPED: no emulated headset (scripts/setup.sh --web)');
   process.exit(77);
 }
-const { box, browser, file, picture, png } = await import('./try_page.mjs');
+const { box, browser, file, give, picture, png } = await import('./try_page.mjs');
 
 const SIDE = 0.04;             // m, of the tool, a box
 const WALL = -0.6, EYE = 1.6;  // m: where the wall stands, and the height of the eyes
@@ -64,9 +64,9 @@ async function open(query, hasDepth = true) {
 
 test('the depth of a headset is felt by its controller, and pulses follow the change of the force', async () => {
   const { page, requests, errors } = await open('?friction.coefficient=0&look=spheres'); // its window needs no mesh
-  await page.setInputFiles('.try-open input', { name: 'wall.png', mimeType: 'image/png', buffer: png(160, 120, 16, 600) });
+  await give(page, 'wall.png', png(160, 120, 16, 600));
   await page.waitForFunction(() => window.palpate.hello.streams[0].name === 'wall.png', null, { timeout: 120000 });
-  await page.setInputFiles('.try-open input', { name: 'box.stl', mimeType: 'model/stl', buffer: box(SIDE) });
+  await give(page, 'box.stl', box(SIDE));
   await page.waitForFunction((v) => Math.abs(window.palpate.hello.tool.volume / v - 1) < 1e-5, SIDE ** 3, { timeout: 120000 });
   await page.click('.try-headset');
   await page.waitForFunction(() => window.palpate.hello.streams[0].name === 'the headset' && window.palpate.hello.streams[0].is_moving && window.palpate.counters.contacts > 1, null, { timeout: 120000 });

@@ -20,6 +20,7 @@ export interface ToolInfo {
 export interface Measure {
   status: number; boundary: number; inside: number;
   volume: number; potential: number; // m3, m4
+  bodiesVolume: number; // m3, the bodies' share of the volume
   force: number[]; torque: number[]; // m3, m4: times N/m3 a wrench about the center of mass, in W
   stiffness: Float64Array; // 6 x 6; zeros if it was not asked for
 }
@@ -198,9 +199,15 @@ export class Scene extends Owned {
       return this.host.do((error) => this.host.exports.palpate_scene_add_body(this.handle, shape.handle, at, error));
     });
   }
+  moveBody(body: number, X_WB: PoseNumbers): void {
+    this.host.with(56, (at) => {
+      this.host.put(at, X_WB);
+      this.host.do((error) => this.host.exports.palpate_scene_move_body(this.handle, body, at, error));
+    });
+  }
 }
 
-const MEASURE = 528; // bytes of palpate_measure
+const MEASURE = 536; // bytes of palpate_measure
 
 export class Contact extends Owned {
   private readonly at: number; // palpate_measure
@@ -236,15 +243,18 @@ export class Contact extends Owned {
     ({ view } = host);
     return {
       status: view.getUint32(at + 24, true), boundary: view.getInt32(at + 28, true), inside: view.getInt32(at + 32, true),
-      volume: view.getFloat64(at + 40, true), potential: view.getFloat64(at + 48, true),
+      volume: view.getFloat64(at + 40, true), potential: view.getFloat64(at + 48, true), bodiesVolume: view.getFloat64(at + 528, true),
       force: host.numbers(at + 56, 3), torque: host.numbers(at + 80, 3), stiffness: stiffness ? host.doubles(at + 104, 36).slice() : new Float64Array(36),
     };
   }
   /** Returns the address of the palpate_measure that was measured last. */
   get measured(): number { return this.handle && this.at; }
-  /** Returns the volume that was measured last, m3. */
+  /** Returns the volume that was measured last, and the bodies' share of it, m3. */
   volume(): number {
     return this.host.view.getFloat64(this.measured + 40, true);
+  }
+  bodiesVolume(): number {
+    return this.host.view.getFloat64(this.measured + 528, true);
   }
 }
 

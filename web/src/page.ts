@@ -36,6 +36,7 @@ export class Page implements Listener {
   state: State | null = null;
   sample: Sample | null = null; // the newest
   mesh: Mesh | null = null; // of the tool
+  contact: Contact | null = null; // the newest
   readonly scene: SceneView;
 
   private readonly root = element('div', 'page');
@@ -59,7 +60,6 @@ export class Page implements Listener {
   private readonly connection: Connection;
 
   private frames: (Frame | null)[] = []; // the latest of each camera
-  private contact: Contact | null = null;
   private requested = new Set<string>(); // shapes requested over this connection
   private subscription = '';
   private trouble: string | null = null;

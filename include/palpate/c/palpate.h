@@ -167,7 +167,7 @@ typedef struct palpate_measure {
   double force_sigma[3];  /* m3 */
   double torque_sigma[3]; /* m4 */
   double moments[9];      /* with the stiffness: sum of levers times forces, m4 */
-  double polar_moment;    /* m5 */
+  double polar_moment, bodies_volume; /* m5; m3: the share of bodies in the volume */
 } palpate_measure;
 
 /* Makes a contact. Options: contact. `num_threads` 0: one per core. */

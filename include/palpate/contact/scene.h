@@ -62,7 +62,7 @@ struct SceneAnswers {
   /// P, m: least of phi(c) - r over the spheres, negative inside: phi is the signed distance of the
   /// center to the hull of what was seen, or to a body. Between -limit and limit.
   double* clearance = nullptr;
-  std::int32_t* nearest = nullptr;  ///< P: its sphere; -1: saturated
+  std::int32_t* nearest = nullptr;  ///< P: its sphere; -1: saturated, far or deep: see the sign
   std::int32_t* decided = nullptr;  ///< P: its camera, or cameras + body; -1: saturated
   /// P x 6: its derivative by translation and rotation about the tool's center of mass C, in W.
   double* clearance_gradient = nullptr;
@@ -100,8 +100,9 @@ class SceneContact {
   ~SceneContact();
 
   /// One measurement of the first tool, as ContactQuery::measure against the cameras of the scene,
-  /// plus that against each body.
-  ContactResult measure(const Scene& scene, const Pose& X_WT, const ContactWants& wants = {}) const;
+  /// plus that against each body. `in_bodies`: null, or gets the bodies' share of the volume, m3.
+  ContactResult measure(const Scene& scene, const Pose& X_WT, const ContactWants& wants = {},
+                        double* in_bodies = nullptr) const;
   /// Many poses. The result of a pose has the same bits whatever else is asked, for any number of
   /// threads. Allocates for a new scene. Errors: an empty scene; more than kMaxCameras; surfaces in
   /// different places; several that were not made to be joined; an index of a tool or group out of

@@ -113,8 +113,10 @@ struct RobotPoses {
 
 /// Row-major arrays of the caller, where the positions are; null: not computed.
 struct RobotAnswers {
-  double* clearance = nullptr;                ///< P, m: least of all links, SceneAnswers::clearance
-  std::int32_t* link = nullptr;               ///< P: the link that has it; -1: saturated
+  double* clearance = nullptr;  ///< P, m: least of all links, SceneAnswers::clearance
+  /// P: the link that has it, one of them where several are deeper than the limit; -1: none is
+  /// nearer than the limit.
+  std::int32_t* link = nullptr;
   double* clearance_by_joint = nullptr;       ///< P x n: its derivative, m/rad and m/m
   double* link_clearance = nullptr;           ///< P x L, m: the same of each link
   double* link_clearance_by_joint = nullptr;  ///< P x L x n: 0 of saturated ones

@@ -60,6 +60,7 @@ struct ViewSample {
   Wrench F_H_B;                ///< on the hand, in the device's base; without a hand as contact_W
   Wrench contact_W;            ///< on the tool, about its center of mass
   double volume = 0;           ///< m3
+  double objects_volume = 0;   ///< m3, the share of CAD objects in it
   double compute_seconds = 0;  ///< of the tick, or of the query if there is no device
   double contact_age = 0, sensor_age = 0;  ///< s
   double stretch = 0;                      ///< m, coupling deflection

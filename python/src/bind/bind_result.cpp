@@ -141,7 +141,8 @@ than 20 mm behind everything that any camera has seen, or where no camera looks.
           nb::sig("def clearance(self) -> float | None"), "m, if requested: see Batch.clearance.")
       .def_prop_ro(
           "nearest", [](const PyResult& self) { return named(self, "nearest"); },
-          nb::sig("def nearest(self) -> int | None"), "The sphere that has it; -1: saturated.")
+          nb::sig("def nearest(self) -> int | None"),
+          "The sphere that has it; -1: saturated, far (+limit) or deep (-limit).")
       .def_prop_ro(
           "clearance_gradient",
           [](const PyResult& self) { return named(self, "clearance_gradient"); },

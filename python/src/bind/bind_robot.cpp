@@ -237,8 +237,8 @@ there (`held`), or with limits="refuse" a palpate.Error, as are numbers that are
                        .c_str()),
            R"(Measures configurations: arrays with a row for each.
 
-clearance (P,) m, any (P,) below `margin`, link (P,) that decides (of link_names; -1: saturated at
-`limit`), clearance_by_joint (P, n); with contact: volume (P,) m3, wrench (P, L, 6) on each link about
+clearance (P,) m from -`limit` to `limit`, any (P,) below `margin`, link (P,) that decides (of
+link_names; -1: none is nearer than `limit`), clearance_by_joint (P, n); with contact: volume (P,) m3, wrench (P, L, 6) on each link about
 its center of mass in W (m3, m4), joint_torque (P, n) = J^T of them, unseen (P,) share; held (P,).
 Of joints on a GPU with contact=False alone, without `any`.)")
       .def("any", any, nb::arg("scene"), nb::arg("joints"), nb::arg("margin") = 0.0, nb::kw_only(),

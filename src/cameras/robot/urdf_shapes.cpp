@@ -116,8 +116,8 @@ Result<fs::path> UrdfShapes::find(const std::string& filename) const {
       tried += (tried.empty() ? " in " : ", ") + folder.string();
     }
     return Error{Errc::not_found, "there is no " + shown(filename) + tried +
-                                      "; say in which folder its package lies "
-                                      "(--robot-packages DIR)"};
+                                      "; give the folder that contains " +
+                                      shown(inside.begin()->string()) + "/ (--robot-packages DIR)"};
   }
   const fs::path plain(filename.starts_with(kFile) ? filename.substr(kFile.size()) : filename);
   const fs::path path = plain.is_absolute() ? plain : folders_.beside / plain;

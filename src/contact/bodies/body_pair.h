@@ -45,6 +45,14 @@ struct BodySums {
   int num_touched_a = 0, num_touched_b = 0;  ///< spheres
 };
 
+/// Adds the moments of one pair to those of all.
+inline void add_moments(const VolumeMoments& part, VolumeMoments& sum) {
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) sum.first[i][j] += part.first[i][j];
+  }
+  sum.polar += part.polar;
+}
+
 /// Returns X_AB from the poses of both in W.
 PALPATE_HOSTDEV inline Pose relative_pose(const Pose& X_WA, const Pose& X_WB) {
   return inverse(Pose{X_WA.translation, normalized(X_WA.rotation)}) *

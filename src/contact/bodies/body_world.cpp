@@ -1,5 +1,7 @@
 #include "palpate/contact/body_contact.h"
 
+#include "src/contact/bodies/body_pair.h"
+
 namespace palpate { inline namespace v0 {
 namespace {
 
@@ -7,13 +9,6 @@ void add_stiffness(const std::optional<Stiffness>& part, std::optional<Stiffness
   if (!part) return;
   if (!sum) sum.emplace();
   *sum += *part;
-}
-
-void add_moments(const VolumeMoments& part, VolumeMoments& sum) {
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) sum.first[i][j] += part.first[i][j];
-  }
-  sum.polar += part.polar;
 }
 
 void add_measure(const Penetration& part, Penetration& sum) {

@@ -15,13 +15,16 @@
 namespace palpate { inline namespace v0 {
 namespace {
 
-/// Poses on the GPU at a time.
-constexpr std::size_t kAtOnce = 1 << 16;
+/// Poses in a launch.
+constexpr std::size_t kAtOnce = 1 << 15;
 
 class ClearanceBatchCuda final : public ClearanceBatch {
  public:
   ClearanceBatchCuda(std::span<const std::shared_ptr<const ToolIndex>> tools, int gpu)
-      : gpu_(gpu), memory_(gpu), stream_(gpu, gpu::Priority::low) {
+      : gpu_(gpu),
+        memory_(gpu),
+        stream_(gpu, gpu::Priority::low),
+        launches_{Launch(gpu), Launch(gpu)} {
     std::vector<ToolOnGpu> made;
     for (const auto& index : tools) {
       const SphereClusters& from = parts_of(*index).clusters();
@@ -39,14 +42,21 @@ class ClearanceBatchCuda final : public ClearanceBatch {
     }
     question_.tools = memory_.copy_of(made);
     cameras_ = memory_.take<SeenByCamera>(kMaxCameras);
-    X_WT_ = memory_.take<Pose>(kAtOnce);
-    tool_of_pose_ = memory_.take<std::int32_t>(kAtOnce);
-    question_.hits = memory_.take<ClearanceHit>(kAtOnce);
-    question_.found = memory_.take<Clearance>(kAtOnce);
-    found_ = memory_.take_pinned<Clearance>(kAtOnce);
+    for (Launch& launch : launches_) {
+      launch.X_WT = memory_.take<Pose>(kAtOnce);
+      launch.tool_of_pose = memory_.take<std::int32_t>(kAtOnce);
+      launch.hits = memory_.take<ClearanceHit>(kAtOnce);
+      launch.found = memory_.take<Clearance>(kAtOnce);
+      launch.found_here = memory_.take_pinned<Clearance>(kAtOnce);
+    }
   }
 
-  const Status& status() const { return memory_.status() ? stream_.status() : memory_.status(); }
+  const Status& status() const {
+    for (const Launch& launch : launches_) {
+      if (!launch.stream.status()) return launch.stream.status();
+    }
+    return memory_.status() ? stream_.status() : memory_.status();
+  }
 
   Status take(std::span<const SurfaceView> surfaces, std::span<const Body> bodies) override {
     if (const Status status = check_searched(surfaces, gpu_); !status) return status;
@@ -137,36 +147,72 @@ class ClearanceBatchCuda final : public ClearanceBatch {
     return Done{};
   }
 
+  // Some of the poses on the GPU. Two take turns: while it measures one, the results of the other
+  // are put where they belong.
+  struct Launch {
+    explicit Launch(int gpu) : stream(gpu, gpu::Priority::low) {}
+
+    gpu::Stream stream;
+    Pose* X_WT = nullptr;
+    std::int32_t* tool_of_pose = nullptr;
+    ClearanceHit* hits = nullptr;
+    Clearance *found = nullptr, *found_here = nullptr;  // the latter in host memory
+    std::size_t first = 0, num = 0;
+  };
+
   Status evaluate(const ScenePoses& poses, double limit, bool is_margin, const Put& put) {
+    finite_.assign(poses.X_WT.begin(), poses.X_WT.end());
+    for (Pose& X_WT : finite_) {
+      if (!is_finite(X_WT)) X_WT = {};
+    }
     Question question = question_;
     question.limit = limit;
     question.is_margin = is_margin ? 1 : 0;
-    question.X_WT = X_WT_;
-    std::vector<Pose> finite(poses.X_WT.begin(), poses.X_WT.end());
-    for (Pose& X_WT : finite) {
-      if (!is_finite(X_WT)) X_WT = {};
+    for (Launch& launch : launches_) launch.num = 0;
+    int turn = 0;
+    for (std::size_t first = 0; first < finite_.size(); first += kAtOnce, turn = 1 - turn) {
+      Launch& launch = launches_[turn];
+      if (const Status status = finish(launch, poses, put); !status) return status;
+      launch.first = first;
+      launch.num = std::min(kAtOnce, finite_.size() - first);
+      enqueue(launch, finite_.data() + first, poses.tool_of_pose, question);
     }
-    for (std::size_t first = 0; first < finite.size(); first += kAtOnce) {
-      const std::size_t num = std::min(kAtOnce, finite.size() - first);
-      stream_.copy(X_WT_, finite.data() + first, num * sizeof(Pose));
-      if (!poses.tool_of_pose.empty()) {
-        stream_.copy(tool_of_pose_, poses.tool_of_pose.data() + first, num * sizeof(std::int32_t));
-        question.tool_of_pose = tool_of_pose_;
-      }
-      question.num_poses = static_cast<std::int32_t>(num);
-      const gpu::LaunchShape warps{.blocks = blocks_for(num, kWarps),
-                                   .threads = kWarps * gpu::kWarpSize,
-                                   .shared_bytes = sizeof(CameraScratch)};
-      if (question.num_cameras > 0) gpu::launch(stream_, warps, search_poses, question);
-      gpu::launch(stream_, {.blocks = blocks_for(num, kThreads)}, refine_poses, question);
-      if (question.num_bodies > 0) gpu::launch(stream_, warps, search_bodies, question);
-      stream_.copy(found_, question.found, num * sizeof(Clearance));
-      if (!stream_.wait(60)) return stream_.status();
-      for (std::size_t i = 0; i < num; ++i) {
-        if (is_finite(poses.X_WT[first + i])) put(first + i, found_[i]);
-      }
+    for (int i = 0; i < 2; ++i, turn = 1 - turn) {
+      if (const Status status = finish(launches_[turn], poses, put); !status) return status;
     }
-    return stream_.status();
+    return Done{};
+  }
+
+  void enqueue(Launch& launch, const Pose* X_WT, std::span<const std::int32_t> tool_of_pose,
+               Question question) {
+    gpu::Stream& stream = launch.stream;
+    stream.copy(launch.X_WT, X_WT, launch.num * sizeof(Pose));
+    if (!tool_of_pose.empty()) {
+      stream.copy(launch.tool_of_pose, tool_of_pose.data() + launch.first,
+                  launch.num * sizeof(std::int32_t));
+      question.tool_of_pose = launch.tool_of_pose;
+    }
+    question.X_WT = launch.X_WT;
+    question.hits = launch.hits;
+    question.found = launch.found;
+    question.num_poses = static_cast<std::int32_t>(launch.num);
+    const gpu::LaunchShape warps{.blocks = blocks_for(launch.num, kWarps),
+                                 .threads = kWarps * gpu::kWarpSize,
+                                 .shared_bytes = sizeof(CameraScratch)};
+    if (question.num_cameras > 0) gpu::launch(stream, warps, search_poses, question);
+    gpu::launch(stream, {.blocks = blocks_for(launch.num, kThreads)}, refine_poses, question);
+    if (question.num_bodies > 0) gpu::launch(stream, warps, search_bodies, question);
+    stream.copy(launch.found_here, launch.found, launch.num * sizeof(Clearance));
+  }
+
+  static Status finish(Launch& launch, const ScenePoses& poses, const Put& put) {
+    const std::size_t num = std::exchange(launch.num, 0);
+    if (num == 0) return Done{};
+    if (const Status status = launch.stream.wait(60); !status) return status;
+    for (std::size_t i = 0; i < num; ++i) {
+      if (is_finite(poses.X_WT[launch.first + i])) put(launch.first + i, launch.found_here[i]);
+    }
+    return Done{};
   }
 
   // The distance field of a shape.
@@ -186,9 +232,8 @@ class ClearanceBatchCuda final : public ClearanceBatch {
   std::vector<std::unique_ptr<ImageOnGpu>> images_;  // two of each surface
   std::vector<SeenByCamera> seen_;
   SeenByCamera* cameras_ = nullptr;
-  Pose* X_WT_ = nullptr;
-  std::int32_t* tool_of_pose_ = nullptr;
-  Clearance* found_ = nullptr;  // in host memory
+  std::vector<Pose> finite_;  // outlives what copies it
+  Launch launches_[2];
   Question question_;
   std::optional<TreeOnGpu> tree_;  // the last one
 };

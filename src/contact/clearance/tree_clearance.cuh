@@ -19,7 +19,7 @@ namespace palpate { inline namespace v0 { namespace {
 
 constexpr unsigned long long kNoneRefused = ~0ull;
 
-/// What the search has found of a link.
+/// A hit of the search, and its link.
 struct LinkHit {
   ClearanceHit hit;
   std::int32_t link = -1;
@@ -251,7 +251,7 @@ __global__ void put_answers(const __grid_constant__ TreeJob job) {
   const bool is_known = least.sphere >= 0 && least.value > -limit;
   const std::int32_t link = job.link[i];
   if (out.clearance != nullptr) out.clearance[i] = greater(least.value, -limit);
-  if (out.link != nullptr) out.link[i] = is_known ? link : -1;
+  if (out.link != nullptr) out.link[i] = least.value < limit ? link : -1;
   if (out.clearance_by_joint == nullptr) return;
   const int n = job.num_positions;
   double* const by_joint = out.clearance_by_joint + static_cast<std::ptrdiff_t>(n) * i;
@@ -282,7 +282,7 @@ class TreeOnGpu {
                       tools = tree_->frame_of_tool.size();
     constexpr std::size_t kByLink = 2 * sizeof(float) + sizeof(std::int32_t) + sizeof(LinkHit);
     const std::size_t each = frames * sizeof(Pose) + tools * kByLink + 2 * n * sizeof(double) + 128;
-    at_once_ = std::clamp<std::size_t>(kMostBytes / each, 1, std::size_t{1} << 16);
+    at_once_ = std::clamp<std::size_t>(kMaxBytes / each, 1, std::size_t{1} << 16);
     positions_ = memory_.take<double>(at_once_ * n);
     job_.X_WF = memory_.take<Pose>(at_once_ * frames);
     job_.bounds = memory_.take<float>(at_once_ * tools);
@@ -341,7 +341,7 @@ class TreeOnGpu {
   }
 
  private:
-  static constexpr std::size_t kMostBytes = 256u << 20;
+  static constexpr std::size_t kMaxBytes = 256u << 20;
 
   /// Calls f(array of the caller, staged one, numbers of a configuration, array of the job).
   template <class F>

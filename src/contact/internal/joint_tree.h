@@ -52,7 +52,7 @@ struct JointPoses {
 /// Row-major arrays of the caller; null: not computed.
 struct TreeAnswers {
   double* clearance = nullptr;           ///< P, m: the least of all tools
-  std::int32_t* link = nullptr;          ///< P: the tool that has it; -1: saturated
+  std::int32_t* link = nullptr;          ///< P: the tool that has it; -1: none is within the limit
   double* clearance_by_joint = nullptr;  ///< P x n: its derivative
   std::uint8_t* held = nullptr;          ///< P: 1 if a position was beyond its range
   /// P: 1 if a clearance is below the limit, which is any number then. Without the first three.

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "src/contact/batch/field_batch.h"
+#include "src/contact/bodies/body_pair.h"
 #include "src/contact/bodies/shapes_of_scene.h"
 #include "src/contact/hull/camera_seats.h"
 #include "src/contact/index/tool_parts.h"
@@ -17,14 +18,17 @@
 namespace palpate { inline namespace v0 {
 namespace {
 
-void add(const Penetration& of_body, const std::optional<Stiffness>& stiffness, ContactResult& to) {
+void add(const BodyPenetration& with, ContactResult& to) {
+  const Penetration& of_body = with.on_a;
   Penetration& sum = to.penetration;
   sum.volume += of_body.volume;
   sum.potential += of_body.potential;
   sum.measure_W.force += of_body.measure_W.force;
   sum.measure_W.torque += of_body.measure_W.torque;
   sum.status |= of_body.status;
-  if (to.stiffness && stiffness) *to.stiffness += *stiffness;
+  if (!to.stiffness || !with.stiffness_a) return;
+  *to.stiffness += *with.stiffness_a;
+  add_moments(with.moments_a, to.moments);
 }
 
 Error margin_error() {
@@ -84,7 +88,7 @@ struct SceneContact::Impl {
   Status take_bodies(const Scene& scene);
   Result<Pairs> pairs_of(const std::shared_ptr<const ToolIndex>& shape) const;
   ContactResult measure(std::size_t thread, const Scene& scene, std::size_t tool, const Pose& X_WT,
-                        const ContactWants& wants) const;
+                        const ContactWants& wants, double* in_bodies = nullptr) const;
   void measure_pose(std::size_t thread, const Scene& scene, const ScenePoses& poses,
                     std::size_t pose, const SceneAnswers& answers) const;
   Status measure_at_once(const Scene& scene, const ScenePoses& poses, const SceneAnswers& answers);
@@ -125,7 +129,8 @@ Result<SceneContact::Impl::Pairs> SceneContact::Impl::pairs_of(
 }
 
 ContactResult SceneContact::Impl::measure(std::size_t thread, const Scene& scene, std::size_t tool,
-                                          const Pose& X_WT, const ContactWants& wants) const {
+                                          const Pose& X_WT, const ContactWants& wants,
+                                          double* in_bodies) const {
   ContactResult result;
   if (cameras.empty()) {
     if (wants.stiffness) result.stiffness.emplace();
@@ -139,7 +144,8 @@ ContactResult SceneContact::Impl::measure(std::size_t thread, const Scene& scene
   for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
     const BodyPenetration with =
         pairs.of_body(b)[thread][tool]->measure(X, scene.bodies[b].placed().X_WB, wants.stiffness);
-    add(with.on_a, with.stiffness_a, result);
+    add(with, result);
+    if (in_bodies != nullptr) *in_bodies += with.on_a.volume;
   }
   return result;
 }
@@ -163,7 +169,7 @@ void SceneContact::Impl::measure_pose(std::size_t thread, const Scene& scene,
   const ContactResult result = measure(thread, scene, tool, X_WT, wants);
   put_answers(pose, result, answers.contact);
   if (answers.unseen != nullptr) {
-    answers.unseen[pose] = result.penetration.unseen_volume / full_volumes[tool];
+    answers.unseen[pose] = std::min(1.0, result.penetration.unseen_volume / full_volumes[tool]);
   }
   if (answers.group_volume != nullptr) answers.contact.volume[pose] = result.penetration.volume;
   if (answers.max_spheres > 0) {
@@ -193,7 +199,7 @@ Status SceneContact::Impl::measure_at_once(const Scene& scene, const ScenePoses&
   double* const unseen = is_by_itself ? nullptr : answers.unseen;
   if (const Status s = scenes->measure(of, answers.contact, unseen); !s) return s;
   for (std::size_t i = 0; answers.unseen != nullptr && i < poses.X_WT.size(); ++i) {
-    answers.unseen[i] /= full_volumes[tool_of(poses, i)];
+    answers.unseen[i] = std::min(1.0, answers.unseen[i] / full_volumes[tool_of(poses, i)]);
   }
   return Done{};
 }
@@ -284,9 +290,10 @@ Result<SceneContact> SceneContact::create(std::span<const Tool* const> tools,
 #endif
 }
 
-ContactResult SceneContact::measure(const Scene& scene, const Pose& X_WT,
-                                    const ContactWants& wants) const {
+ContactResult SceneContact::measure(const Scene& scene, const Pose& X_WT, const ContactWants& wants,
+                                    double* in_bodies) const {
   Impl& impl = *impl_;
+  if (in_bodies != nullptr) *in_bodies = 0;
   if (scene.surfaces.size() == 1 && scene.bodies.empty() && !scene.unseen) {
     return impl.workers[0].queries[0]->measure(scene.surfaces[0], X_WT, wants);
   }
@@ -295,7 +302,7 @@ ContactResult SceneContact::measure(const Scene& scene, const Pose& X_WT,
     result.penetration.status = StepStatus::no_surface;
     return result;
   }
-  return impl.measure(0, scene, 0, X_WT, wants);
+  return impl.measure(0, scene, 0, X_WT, wants, in_bodies);
 }
 
 Status SceneContact::measure(const Scene& scene, const ScenePoses& poses,

@@ -6,6 +6,7 @@
 //   checksum        XXH3-64 of everything before it
 #include "palpate/io/files.h"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
@@ -321,12 +322,29 @@ Status save_tool(const Tool& tool, const std::filesystem::path& path) {
   return write_file_atomically(path, *bytes);
 }
 
+namespace {
+
+/// Returns the command that makes a tool of a file; of no mesh, its beginning.
+std::string pack_command(const std::string& file) {
+  const std::size_t dot = std::min(file.rfind('.'), file.size());
+  constexpr std::string_view kMeshes[] = {".obj", ".stl", ".ply", ".off", ".gltf", ".glb"};
+  if (std::ranges::find(kMeshes, file.substr(dot)) == std::end(kMeshes)) return "palpate pack";
+  return "palpate pack " + file + " -o " + file.substr(0, dot) + ".palp";
+}
+
+}  // namespace
+
 Result<Tool> load_tool(const std::filesystem::path& path) {
   const auto content = read_file(path);
   if (!content) return content.error();
   auto tool = parse_tool(*content);
-  if (!tool) return Error{tool.error().code, path.string() + " " + tool.error().message};
-  return tool;
+  if (tool) return tool;
+  std::string what = path.string() + " " + tool.error().message;
+  constexpr std::string_view kCommand = "palpate pack";
+  if (const std::size_t at = what.rfind(kCommand); what.ends_with("'palpate pack'")) {
+    what.replace(at, kCommand.size(), pack_command(path.string()));
+  }
+  return Error{tool.error().code, what};
 }
 
 }}  // namespace palpate::v0

@@ -1,4 +1,4 @@
-// What a joint does: forward kinematics and its transpose, the same text on a CPU and a GPU. The
+// Joints: forward kinematics and its transpose, the same text on a CPU and a GPU. The
 // frame of a child is that of its joint, turned about the joint's axis or moved along it:
 // X_BC = X_BP X_PJ turn(axis, q). A force and a torque about C do a . (torque + (C - o) x force) to
 // a joint that turns about the axis a through o, and a . force to one that slides.

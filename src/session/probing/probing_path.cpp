@@ -21,6 +21,7 @@ constexpr double kUnevenCost = 20;     // cost of a place per unevenness
 constexpr double kAsideCost = 2;       // likewise per half width from the image center
 constexpr double kLost = 0.03;         // m from the desired distance: the tool lifts
 constexpr double kJumpMargin = 0.1;    // s, before and after a jump
+constexpr double kFarPlace = 2.5;      // m: a hand or a table is rarely that far away
 constexpr double kOffPoint = 0.1;      // m along z, between the user's point and the surface
 
 Error bad_aim(const char* format, auto... values) {
@@ -203,8 +204,9 @@ Plan plan(const ProbingMotion& motion, const ProbeDepths& depths, double end) {
   return plan;
 }
 
-std::string note_on(const Plan& plan, double end) {
-  char text[200] = "";
+/// Returns what the user should know; `far_place`: m, of a place that Palpate chose, or 0.
+std::string note_on(const Plan& plan, double end, double far_place) {
+  char text[400] = "";
   if (!plan.arrives) {
     std::snprintf(text, sizeof text,
                   "within %.3g s and at most %g m/s the tool does not press in as it should: give "
@@ -216,7 +218,16 @@ std::string note_on(const Plan& plan, double end) {
                   "in all, the tool is lifted and waits",
                   kProbeSpeed, plan.lifted);
   }
-  return text;
+  std::string note = text;
+  if (far_place > kFarPlace) {
+    std::snprintf(
+        text, sizeof text,
+        "the nearest good place is %.2g m away; if it should be nearer, the depth unit may "
+        "be another: --depth-unit, of a --camera ?unit= (SR300, SR305: 0.000125 or 0.0001)",
+        far_place);
+    note += (note.empty() ? "" : "; ") + std::string(text);
+  }
+  return note;
 }
 
 }  // namespace
@@ -273,7 +284,7 @@ Result<ProbingPath> probing_path(const OpenDepthSource& open, const Tool& tool,
                         : "of the places that are seen well over time, the nearest to the camera "
                           "and to the middle of the image",
                  lead->why,
-                 note_on(moves, end)};
+                 note_on(moves, end, *pixel ? 0 : motion.surface(arrival))};
   return path;
 }
 

@@ -310,6 +310,7 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
   if (!log.loop.ending.empty()) recording.recorder().add_note(log.loop.ending);
   log.warnings.insert(log.warnings.end(), recording.source_notes().begin(),
                       recording.source_notes().end());
+  if (options.probe && !options.probe->note.empty()) log.warnings.push_back(options.probe->note);
   finish(recording.recorder(), [&] {
     if (options.say) options.say(log.loop.seconds, "waits until the disk has the recording");
   });

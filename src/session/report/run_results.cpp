@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "src/core/internal/message_text.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/run/internal/reported_output.h"
 #include "src/session/internal/more_than_whole.h"
@@ -250,6 +251,34 @@ std::string RunResults::scarce_surface_warning(const RunSetup& setup) const {
          " of " + std::to_string(num_frames_) + " frames; check --depth-unit";
 }
 
+/// Returns for how long the hand had no force and why, if that was a tenth of the run; else
+/// nothing.
+std::string RunResults::force_off_warning(const RunLog& log, const LoopTimes& times) {
+  double off = 0, period = 0;
+  for (const auto& [time, fault, seconds] : log.faults) {
+    off += seconds.value_or(log.loop.seconds - time);
+  }
+  if (!log.has_hand() || log.faults.empty() || off < 0.1 * log.loop.seconds) return {};
+  for (const DepthStreamInfo& stream : log.setup.streams) {
+    period = std::max(period, 1 / stream.rate);
+  }
+  const FaultPeriod& first = log.faults.front();
+  const double surface = 1e-6 * times.surface_compute.summary().p50;
+  std::string why(describe(first.fault));
+  if (first.fault == Fault::stale_sensor && surface > 0.9 * period) {
+    why = "this computer was too busy for a depth frame in time: a surface took " +
+          number_text(1e3 * surface, 3) + " ms, and there are " + number_text(1e3 * period, 3) +
+          " ms for it; a smaller image, a GPU or fewer other programs help";
+  } else if (const std::size_t at = why.find(": the force is off"); at != std::string::npos) {
+    why.erase(at, std::string_view(": the force is off").size());
+  }
+  char text[100];
+  std::snprintf(text, sizeof text,
+                "the force on the hand was off for %.2f of %.2f s, first at %.2f s: ", off,
+                log.loop.seconds, first.time);
+  return text + why;
+}
+
 void RunResults::move_to(RunLog& log) {
   log.series = std::move(series_);
   log.peaks = peaks_;
@@ -293,6 +322,8 @@ std::string RunResults::write(const fs::path& folder, const Tool& tool, const Lo
   move_to(log);
   std::string note = more_than_whole(tool, log.setup.settings.contact, log.peaks.volume);
   if (!note.empty()) log.warnings.push_back(std::move(note));
+  std::string off = force_off_warning(log, times);
+  if (!off.empty()) log.warnings.push_back(std::move(off));
   finish_csv(folder, log);
   auto summary = run_summary(tool, log, times);
   const auto page = run_page(summary, tool, log, times);

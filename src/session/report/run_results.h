@@ -41,6 +41,7 @@ class RunResults {
   void add_fault(const TickRecord& tick);
   void keep_deepest(const TickRecord& tick);
   std::string scarce_surface_warning(const RunSetup& setup) const;
+  static std::string force_off_warning(const RunLog& log, const LoopTimes& times);
 
   struct NumberedFrame {
     std::uint64_t number = 0;

@@ -95,7 +95,7 @@ bool cuts(const Plane<float>& plane, const Sphere& sphere) {
 
 // Columns of a sample.
 
-constexpr std::size_t kNumColumns = 40;
+constexpr std::size_t kNumColumns = 41;
 
 std::array<float, kNumColumns> row_of(const ViewSample& s, double first_time) {
   std::array<double, kNumColumns> row;
@@ -115,6 +115,7 @@ std::array<float, kNumColumns> row_of(const ViewSample& s, double first_time) {
   put_pose(s.X_WT);
   put_pose(s.X_WT_hand);
   for (const double each : s.force_covariance) put(each);
+  put(s.objects_volume);
   std::array<float, kNumColumns> rounded;
   std::transform(row.begin(), row.end(), rounded.begin(),
                  [](double value) { return static_cast<float>(value); });
@@ -304,6 +305,7 @@ std::vector<std::string> sample_columns() {
   add("", {"volume", "compute", "contact_age", "sensor_age", "stretch", "gain", "energy"});
   for (const char* pose : {"tool_", "hand_"}) add(pose, {"x", "y", "z", "qx", "qy", "qz", "qw"});
   add("contact_force_", {"xx", "xy", "xz", "yy", "yz", "zz"});
+  add("", {"objects_volume"});
   return names;
 }
 

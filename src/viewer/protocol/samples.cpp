@@ -8,6 +8,7 @@ ViewSample sample_of(const TickRecord& tick, bool has_hand) {
   sample.F_H_B = has_hand ? tick.F_H_B : tick.step.contact_W;
   sample.contact_W = tick.step.contact_W;
   sample.volume = tick.penetration.volume;
+  sample.objects_volume = tick.objects.volume;
   sample.compute_seconds = 1e-9 * static_cast<double>(tick.compute_nanoseconds);
   sample.contact_age = tick.contact_age;
   sample.sensor_age = tick.sensor_age;

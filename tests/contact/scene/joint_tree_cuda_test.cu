@@ -35,7 +35,7 @@ struct ArmRig {
   SceneContact gpu = test::scenes_on_gpu(tools);
 };
 
-/// What the CPU says of the poses of all links.
+/// The answers of the CPU by the poses of all links.
 struct Truth {
   std::vector<double> clearance, by_joint;
   std::vector<std::int32_t> link, decided;

@@ -235,8 +235,29 @@ TEST(SceneContact, SumsCamerasAndBodies) {
   }
   EXPECT_GT(num_touching, 20);
   EXPECT_GT(num_of_bodies, 20);
-  const ContactResult one = contact_of(tool).measure(scene, poses[0]);
+  double in_bodies = -1;
+  const ContactResult one = contact_of(tool).measure(scene, poses[0], {}, &in_bodies);
   EXPECT_EQ(one.penetration.volume, first.volume[0]);
+  EXPECT_EQ(in_bodies, first.volume[0] - query->measure(seen.surface, poses[0]).penetration.volume);
+}
+
+// A ball in the face of a box: its force acts at the centroid of the cap inside.
+TEST(SceneContact, MomentsOfBodiesAreThoseOfTheirForce) {
+  constexpr double kRadius = 0.01, kDepth = 0.004;
+  const Tool tool = Tool::pack(make_icosphere(kRadius, 4), {.max_spheres = 500}).value();
+  const Tool box =
+      Tool::pack(make_box({0.1, 0.1, 0.1}), {.max_spheres = 5}).value().with_solid_field();
+  const Scene scene{.bodies = {Body(box)}};
+  const Pose X_WT{{0.05 + kRadius - kDepth, 0.01, 0.02}, {}};
+  double in_bodies = 0;
+  const ContactResult r = contact_of(tool).measure(scene, X_WT, {.stiffness = true}, &in_bodies);
+  const double cap = cap_volume(kRadius, kRadius - kDepth), reach = 2 * kRadius - kDepth;
+  EXPECT_NEAR(in_bodies, cap, 0.05 * cap);
+  EXPECT_EQ(in_bodies, r.penetration.volume);
+  const double centroid = 3 * reach * reach / (4 * (3 * kRadius - kDepth));
+  const Vec3d force = r.penetration.measure_W.force;
+  EXPECT_NEAR(r.moments.first[0][0], -centroid * force.x, 0.05 * centroid * force.x);
+  EXPECT_GT(r.moments.polar, 0);
 }
 
 TEST(SceneContact, ShapesOfPastScenesAreDropped) {

@@ -50,6 +50,7 @@ function entries(hello: Hello, options: SceneOptions, hasHand: boolean): Entry[]
       list.push([STATE_COLORS.boundary, 'purple line', 'where it is cut by the surface']);
       list.push([THEMES[options.dark ? 'dark' : 'light'].metal, 'gray', 'of the tool, outside']);
     }
+    if (hello.objects > 0) list.push([THEMES[options.dark ? 'dark' : 'light'].wood, 'wood', 'CAD object']);
     if (options.arrows) {
       list.push([ARROW_COLORS.force, 'yellow arrow', 'force on the tool']);
       list.push([ARROW_COLORS.torque, 'green arc', 'torque on the tool']);

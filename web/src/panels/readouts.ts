@@ -9,6 +9,7 @@ export class Readouts {
   private readonly torque = value();
   private readonly volume = value();
   private readonly share = value();
+  private readonly inObjects = value();
   private readonly age = value();
   private readonly compute = value();
   private readonly fill = value();
@@ -31,6 +32,7 @@ export class Readouts {
       write(this.torque, digits(1000 * norm(sample.torque_x, sample.torque_y, sample.torque_z), 1));
       write(this.volume, digits(1e6 * sample.volume));
       write(this.share, digits((100 * sample.volume) / this.toolVolume, 1));
+      write(this.inObjects, digits(sample.volume > 0 ? (100 * (sample.objects_volume ?? 0)) / sample.volume : 0, 0));
       write(this.age, digits(1000 * sample.contact_age, 1));
     }
     const haptic = state?.stages?.find((stage) => stage.num > 0);
@@ -52,6 +54,7 @@ export class Readouts {
       row('Torque', this.torque, 'N mm'),
       row('Volume', this.volume, 'cm³'),
       row('of the tool', this.share, '%'),
+      ...(hello.objects > 0 ? [row('of it in objects', this.inObjects, '%')] : []),
       row('Contact age', this.age, 'ms', 'extra'),
     );
     if (hello.kind === 'live') this.root.append(row('Compute, p99', this.compute, 'µs', 'extra'));

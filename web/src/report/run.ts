@@ -136,8 +136,23 @@ function headline(summary: Summary): HTMLElement[] {
     ...(hasHand(summary) ? [['sensor_to_force', 'the way from depth frame to force']] : [])]
     .flatMap(([key, words]) => (stages?.[key] ? [`${words} takes ${microseconds(stages[key].p50)}`] : []));
   const verdict = `${short(rate / 1000)} kHz ${share >= 0.99 ? 'kept' : 'not kept'}: ${percent(share)} of ${ticks} ticks took ` +
-    `less than ${withUnit(1 / rate, TIME)}. ${medians.length > 0 ? `In the median, ${medians.join(', ')}.` : ''}`;
-  return [cards(made), element('p', 'verdict', verdict)];
+    `less than ${withUnit(1 / rate, TIME)}. ${medians.length > 0 ? `In the median, ${medians.join(', ')}.` : ''}` +
+    (share >= 0.99 ? '' : ` ${helpOnTime(summary)}`);
+  return [cards(made), ...forceOff(summary), element('p', 'verdict', verdict)];
+}
+
+/** Returns what helps where ticks take too long. */
+function helpOnTime({ microseconds: stages, rate }: Summary): string {
+  const median = Math.max(...['haptic_compute', 'contact_compute'].map((key) => stages?.[key]?.p50 ?? 0));
+  return median < 0.5e6 / rate ? 'The medians are far below that: other programs took the processor.'
+    : 'Fewer spheres (--spheres) or another method take less.';
+}
+
+/** Returns a warning of a hand that had no force for a tenth of the run, which cards do not show. */
+function forceOff({ faults, seconds, settings }: Summary): HTMLElement[] {
+  const off = faults.reduce((sum, fault) => sum + (fault.seconds ?? seconds - fault.time_s), 0);
+  return settings.coupling.kind === 'none' || off < 0.1 * seconds || off === 0 ? [] :
+    [warning(`The force on the hand was off for ${short(off, 2)} of ${short(seconds, 2)} s: see “Times without force”.`)];
 }
 
 // Plots.

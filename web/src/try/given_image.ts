@@ -9,6 +9,17 @@ export interface GivenImage { name: string; width: number; height: number; count
 
 export const imageOf = ({ width, height, counts, X_WC }: GivenImage): Image => ({ width, height, unit: 0.001, counts, X_WC: X_WC ?? [0, 0, 0, 0, 0, 0, 1] });
 
+/** Returns the camera of an image; where it is unknown, one with an angle of view as most have. */
+export function cameraOf({ width, height, camera }: GivenImage): Camera {
+  const focal = 0.85 * width;
+  return camera ?? { width, height, fx: focal, fy: focal, cx: (width - 1) / 2, cy: (height - 1) / 2 };
+}
+/** Returns the depth that a twentieth of the image is nearer than, m. */
+export function nearestOf({ counts, unit }: Image): number {
+  const seen = Array.from(counts).filter((count) => count > 0 && count < 65535).sort((a, b) => a - b);
+  return seen.length > 0 ? seen[Math.floor(seen.length / 20)] * unit : 0.5;
+}
+
 export function isSameCamera(a: Camera | undefined, b: Camera | undefined): boolean {
   return !!a && !!b && a.width === b.width && a.height === b.height && (['fx', 'fy', 'cx', 'cy'] as const).every((key) => Math.abs(a[key] - b[key]) < SAME);
 }

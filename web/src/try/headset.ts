@@ -25,7 +25,7 @@ type DepthSession = XRSession & { depthDataFormat: string };
 const numbers = ({ position: p, orientation: q }: XRRigidTransform): number[] => [p.x, p.y, p.z, q.x, q.y, q.z, q.w];
 
 /** Returns a depth image of the view, in whose frame x is right, y down and z forward. */
-export function depthImage(view: XRView, depth: Depth, format: string): GivenImage {
+function depthImage(view: XRView, depth: Depth, format: string): GivenImage {
   const P = view.projectionMatrix, shape = P[5] / P[0]; // width over height
   const num = Math.min(MOST_PIXELS, depth.width * depth.height);
   const width = Math.max(8, Math.round(Math.sqrt(num * shape))), height = Math.max(8, Math.round(width / shape));
@@ -60,7 +60,7 @@ export class Headset {
 
   constructor(private readonly page: Page, private readonly wire: WorkerWire, private readonly say: (text: string) => void) {
     this.enter.hidden = true;
-    document.querySelector('.try-files')?.prepend(this.enter);
+    document.querySelector('.try-object')?.after(this.enter);
     void navigator.xr?.isSessionSupported('immersive-ar').then((can) => { this.enter.hidden = !can; }, () => {});
   }
 

@@ -22,6 +22,13 @@ export function product(a: Numbers, b: Numbers): Numbers {
   const length = Math.hypot(...c);
   return c.map((n) => n / length);
 }
+/** Returns a vector turned by a unit quaternion: v + 2 u x (u x v + w v), u its vector. */
+export function rotated([x, y, z, w]: Numbers, [a, b, c]: Numbers): Numbers {
+  const [p, q, r] = [y * c - z * b + w * a, z * a - x * c + w * b, x * b - y * a + w * c];
+  return [a + 2 * (y * r - z * q), b + 2 * (z * p - x * r), c + 2 * (x * q - y * p)];
+}
+/** Returns a point at a pose. */
+export const composed = (X: Numbers, p: Numbers): Numbers => rotated(X.slice(3), p).map((x, i) => x + X[i]);
 export const conjugate = ([x, y, z, w]: Numbers): Numbers => [-x, -y, -z, w];
 
 function rotationVector(q: Numbers): Numbers {

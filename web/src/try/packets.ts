@@ -9,7 +9,7 @@ export const COLUMNS = [
   'contact_force_x', 'contact_force_y', 'contact_force_z', 'contact_torque_x', 'contact_torque_y', 'contact_torque_z',
   'volume', 'compute', 'contact_age', 'sensor_age', 'stretch', 'gain', 'energy',
   'tool_x', 'tool_y', 'tool_z', 'tool_qx', 'tool_qy', 'tool_qz', 'tool_qw',
-  'hand_x', 'hand_y', 'hand_z', 'hand_qx', 'hand_qy', 'hand_qz', 'hand_qw'];
+  'hand_x', 'hand_y', 'hand_z', 'hand_qx', 'hand_qy', 'hand_qz', 'hand_qw', 'objects_volume'];
 
 function message(kind: number, number: number, time: number, bytes: number): DataView {
   const view = new DataView(new ArrayBuffer(HEADER + bytes));
@@ -30,13 +30,23 @@ export function spheresMessage(tool: Tool): ArrayBuffer {
   return view.buffer as ArrayBuffer;
 }
 
-export function meshMessage(tool: Tool): ArrayBuffer {
-  const { vertices, triangles } = tool.mesh(), view = message(3, 0, 0, 8 + vertices.byteLength + triangles.byteLength);
-  view.setUint32(HEADER, vertices.length / 3, true);
-  view.setUint32(20, triangles.length / 3, true);
-  new Float32Array(view.buffer, 24, vertices.length).set(vertices);
-  new Uint32Array(view.buffer, 24 + vertices.byteLength).set(triangles);
-  return view.buffer as ArrayBuffer;
+export const meshMessage = (tool: Tool): ArrayBuffer => meshes(3, HEADER, [tool]);
+export function objectsMessage(shapes: Tool[]): ArrayBuffer {
+  const buffer = meshes(5, HEADER + 4, shapes);
+  new DataView(buffer).setUint32(HEADER, shapes.length, true);
+  return buffer;
+}
+/** Makes a message whose meshes begin at `at`. */
+function meshes(kind: number, at: number, shapes: Tool[]): ArrayBuffer {
+  const all = shapes.map((shape) => shape.mesh());
+  const { buffer } = message(kind, 0, 0, at - HEADER + all.reduce((sum, { vertices, triangles }) => sum + 8 + vertices.byteLength + triangles.byteLength, 0));
+  for (const { vertices, triangles } of all) {
+    new Uint32Array(buffer, at, 2).set([vertices.length / 3, triangles.length / 3]);
+    new Float32Array(buffer, at + 8, vertices.length).set(vertices);
+    new Uint32Array(buffer, at + 8 + vertices.byteLength, triangles.length).set(triangles);
+    at += 8 + vertices.byteLength + triangles.byteLength;
+  }
+  return buffer as ArrayBuffer;
 }
 
 export interface Image { width: number; height: number; unit: number; counts: Uint16Array; X_WC: ArrayLike<number> }
@@ -51,8 +61,8 @@ export function frameMessage(number: number, time: number, image: Image): ArrayB
   return view.buffer as ArrayBuffer;
 }
 
-/** The state of all spheres that `contact` measured last at X_WT. */
-export function contactMessage(number: number, time: number, X_WT: ArrayLike<number>, contact: Contact): ArrayBuffer {
+/** The state of all spheres that `contact` measured last at X_WT, and the poses of the objects. */
+export function contactMessage(number: number, time: number, X_WT: ArrayLike<number>, contact: Contact, objects: ArrayLike<number>[]): ArrayBuffer {
   const { states, planes } = contact, num = states.length, room = 4 * Math.ceil(num / 4);
   const marked = new Uint8Array(room), cut: number[] = [];
   for (let i = 0; i < num; ++i) {
@@ -60,12 +70,14 @@ export function contactMessage(number: number, time: number, X_WT: ArrayLike<num
     marked[i] = states[i] + (hasPlane ? 4 : 0) + (states[i] !== 0 ? 16 : 0);
     if (hasPlane) cut.push(planes[4 * i], planes[4 * i + 1], planes[4 * i + 2], planes[4 * i + 3]);
   }
-  const view = message(11, number, time, 60 + room + 4 + 4 * cut.length + 4);
+  const view = message(11, number, time, 60 + room + 4 + 4 * cut.length + 4 + 56 * objects.length), end = 80 + room + 4 * cut.length;
   putPose(view, HEADER, X_WT);
   view.setUint32(72, num, true);
   new Uint8Array(view.buffer, 76, room).set(marked);
   view.setUint32(76 + room, cut.length / 4, true);
   new Float32Array(view.buffer, 80 + room, cut.length).set(cut);
+  view.setUint32(end, objects.length, true);
+  objects.forEach((X_WB, i) => putPose(view, end + 4 + 56 * i, X_WB));
   return view.buffer as ArrayBuffer;
 }
 

@@ -7,6 +7,7 @@ import type { GivenImage } from './given_image';
 export type Order =
   | { kind: 'start'; core: ArrayBuffer; settings: [key: string, value: string][] }
   | { kind: 'tool'; name: string; bytes: Uint8Array }
+  | { kind: 'object'; name: string; bytes: Uint8Array }
   | { kind: 'image'; image: GivenImage | null }
   | { kind: 'pack'; core: ArrayBuffer; vertices: Float64Array; triangles: Uint32Array; spheres: number };
 /** Answers to them, beside the messages of the protocol. */
@@ -67,6 +68,7 @@ scope.onmessage = ({ data }: MessageEvent<string | Order>) => {
     else if (data.kind === 'start') start(data.core, data.settings).catch(fail);
     else if (data.kind === 'pack') pack(data).catch(fail);
     else if (data.kind === 'tool') world?.useTool(data.bytes, data.name);
+    else if (data.kind === 'object') world?.useObject(data.bytes, data.name);
     else world?.useImage(data.image);
   } catch (error) {
     fail(error);

@@ -6,15 +6,13 @@
 // for a tick, so a late one is as good. A tick measures the contact while that is quick, else the first of a burst does. What a busy
 // machine does not compute within LONGEST_DELAY passes without ticks: the clock of the run stands still, and the hand feels no jump.
 import type { Camera, Contact, Hand, Palpate, Scene, Sensor, Simulation, Tick, Tool } from '../../core/palpate';
-import { imageOf, isSameCamera, noteOf } from './given_image';
-import type { GivenImage } from './given_image';
-import { COLUMNS, contactMessage, frameMessage, meshMessage, samplesMessage, spheresMessage } from './packets';
-import type { Image } from './packets';
+import { cameraOf, type GivenImage, imageOf, isSameCamera, nearestOf, noteOf } from './given_image';
+import { type GivenObject, placeObject, type PlacedObject, SHAPES } from './object';
+import { COLUMNS, contactMessage, frameMessage, type Image, meshMessage, objectsMessage, samplesMessage, spheresMessage } from './packets';
 import { Follower } from './motion';
-import { controls, DEFAULTS } from './settings';
-import type { Value } from './settings';
+import { controls, DEFAULTS, DEVICE, RATE, type Value } from './settings';
 
-const TICK = 1e-3; // s
+const TICK = 1 / RATE; // s
 const MOST_TICKS = 10; // of a burst
 const LONGEST_DELAY = 100; // ticks, of the run behind the clock
 const LONG_DELAY = 50;     // ticks: drawing, by software perhaps, takes the processor from the run
@@ -24,22 +22,20 @@ const FRAME_SECONDS = 0.1;
 const SILENCE = 300; // ms without a pose: nobody holds the tool
 const KEPT_SAMPLES = 4000;
 const STATES = ['waiting', 'engaged', 'fading', 'off', 'held_off', 'ended'];
-/** The limits of a device that is only displayed, as PageHandle::limits. */
-const DEVICE = {
-  max_force: 10, max_torque: 0.6, max_stiffness: 400, max_angular_stiffness: 2, max_damping: 15, workspace_radius: 0.5,
-  damping: 0.2, angular_damping: 1e-3, rate: 1 / TICK,
-};
 const WIDTH = 320, HEIGHT = 240;
 
+/** Inputs and choices of the reader. */
+interface Given { given: GivenImage | null; givenTool: Uint8Array; givenObject: GivenObject; settings: Record<string, Value> }
 export interface Outlet { text(message: object): void; binary(buffer: ArrayBuffer): void }
 
 export class World {
-  private readonly settings: Record<string, Value> = { ...DEFAULTS };
+  private settings: Record<string, Value> = { ...DEFAULTS };
   private revision = 1;
   private simulation!: Simulation;
   private sensor!: Sensor;
   private scene!: Scene;
   private tool!: Tool;
+  private object: PlacedObject | null = null;
   private contact!: Contact;
   private hand!: Hand;
   private follower!: Follower;
@@ -47,6 +43,7 @@ export class World {
   private given: GivenImage | null = null;
   private ownImage: GivenImage | null = null; // the reader's last, which comes back after a camera's
   private givenTool: Uint8Array | null = null; // a tool file
+  private givenObject: GivenObject | null = null;
   private camera!: Camera;
   private title = '';
 
@@ -81,22 +78,23 @@ export class World {
     this.build();
   }
 
-  /** Makes all of the run anew: scene, tool and hand. If that fails, the run before goes on. */
-  private build(): void {
-    const { hand, contact, scene, sensor, tool, simulation, images, camera, title } = this, old = this.objects();
+  /** Makes the run anew, scene, tool and hand, or a part of it. If that fails, the run before goes on. */
+  private build(make = () => this.make()): void {
+    const { hand, contact, scene, object, sensor, tool, simulation, images, camera, title } = this, old = this.owned();
     try {
-      this.make();
+      make();
     } catch (error) {
-      const begun = this.objects();
-      Object.assign(this, { hand, contact, scene, sensor, tool, simulation, images, camera, title });
+      const begun = this.owned();
+      Object.assign(this, { hand, contact, scene, object, sensor, tool, simulation, images, camera, title });
       begun.forEach((object, i) => object !== old[i] && object?.free());
       throw error;
     }
-    for (const object of old) object?.free();
+    const made = this.owned();
+    old.forEach((object, i) => object !== made[i] && object?.free());
   }
   /** Returns what the core has of this run, in the order in which it is freed. */
-  private objects(): ({ free(): void } | undefined)[] {
-    return [this.hand, this.contact, this.scene, this.sensor, this.tool, this.simulation];
+  private owned(): ({ free(): void } | undefined)[] {
+    return [this.hand, this.contact, this.scene, this.object?.shape, this.sensor, this.tool, this.simulation];
   }
 
   private make(): void {
@@ -104,16 +102,12 @@ export class World {
     this.simulation = palpate.simulation(name, WIDTH, HEIGHT, noise);
     const { info } = this.simulation, spheres = Number(settings['packing.spheres']);
     if (this.given) {
-      const { width, height } = this.given, focal = 0.85 * width;
-      this.camera = this.given.camera ?? { width, height, fx: focal, fy: focal, cx: (width - 1) / 2, cy: (height - 1) / 2 };
+      this.camera = cameraOf(this.given);
       this.images = [imageOf(this.given)];
       this.title = this.given.name;
     } else {
       this.camera = info.camera;
-      this.images = [0, 1].map(() => {
-        const frame = this.simulation.next();
-        return { width: WIDTH, height: HEIGHT, unit: info.unit, counts: frame.counts, X_WC: frame.X_WC };
-      });
+      this.images = [0, 1].map(() => ({ ...this.simulation.next(), width: WIDTH, height: HEIGHT, unit: info.unit }));
       this.title = info.title;
     }
     const whole = this.givenTool ? palpate.loadTool(this.givenTool) : null;
@@ -123,27 +117,45 @@ export class World {
       whole.free();
     }
     this.sensor = palpate.sensor(this.camera);
-    this.scene = palpate.scene();
-    this.scene.addSensor(this.sensor);
     this.takeFrame();
     this.takeFrame();
-    this.makeContact();
-    this.hand = palpate.hand(this.tool, DEVICE, this.handOptions());
-    this.X_WT = this.start();
-    this.follower = new Follower(this.hand.handleAt(this.X_WT));
+    this.makeScene();
+    this.makeHand(this.start());
     this.isHeld = false;
     this.last = null;
     this.samples = [];
     this.longestDelay = this.bursts = this.contacts = 0;
+  }
+
+  /** Joins what the camera sees and the object, which rests on it. A room that moves has none. */
+  private makeScene(): void {
+    const { palpate, settings, tool, camera } = this, around = { image: this.images[0], camera, tool, X_WT: this.start() };
+    this.object = this.given?.camera ? null : placeObject(palpate, settings, this.givenObject, around);
+    this.scene = palpate.scene();
+    this.scene.addSensor(this.sensor);
+    if (this.object) this.scene.addBody(this.object.shape, this.object.pose(settings));
+    this.makeContact();
+  }
+
+  /** Puts another object into the scene, or none. The tool stays where it is, and is let go. */
+  private makeObject(): void {
+    this.makeScene();
+    this.makeHand(this.X_WT);
+    this.isHeld = false;
+  }
+
+  /** Puts the tool somewhere: a new hand holds it there, and feels nothing before it has been free. */
+  private makeHand(X_WT: number[]): void {
+    this.hand = this.palpate.hand(this.tool, DEVICE, this.handOptions());
+    this.X_WT = X_WT;
+    this.follower = new Follower(this.hand.handleAt(X_WT));
     this.measure(this.time);
   }
 
   /** Returns the pose of the scene's path at its begin, or in front of the middle of a given image. */
   private start(): number[] {
     if (!this.given) return this.simulation.toolAt(0);
-    const middle = Array.from(this.images[0].counts).filter((count) => count > 0 && count < 65535).sort((a, b) => a - b);
-    const near = middle.length > 0 ? middle[Math.floor(middle.length / 20)] * 0.001 : 0.5;
-    return [0, 0, Math.max(0.15, near - 1.2 * this.tool.info.radius), 0, 1, 0, 0];  // a pen points away from the camera
+    return [0, 0, Math.max(0.15, nearestOf(this.images[0]) - 1.2 * this.tool.info.radius), 0, 1, 0, 0];  // a pen points away from the camera
   }
 
   private makeContact(): void {
@@ -160,8 +172,8 @@ export class World {
       type: 'hello', protocol: 3, version: this.palpate.version, kind: 'live', title: this.title,
       tool: { spheres: info.spheres, center_of_mass: info.center_of_mass, radius: info.radius, volume: info.volume },
       streams: [{ name: this.title, ...this.camera, rate: 1 / FRAME_SECONDS, is_moving: this.given?.camera !== undefined }],
-      objects: 0, handle: { max_force: DEVICE.max_force }, columns: COLUMNS,
-      controls: controls(this.settings, this.palpate.simulations),
+      objects: this.object ? 1 : 0, handle: { max_force: DEVICE.max_force }, columns: COLUMNS,
+      controls: controls(this.settings, this.palpate.simulations, [...SHAPES, ...(this.givenObject ? [this.givenObject.name] : [])]),
     };
   }
 
@@ -201,11 +213,12 @@ export class World {
       case 'get':
         if (message.what === 'spheres') this.out.binary(spheresMessage(this.tool));
         else if (message.what === 'mesh') this.out.binary(meshMessage(this.tool));
+        else if (message.what === 'objects') this.out.binary(objectsMessage(this.object ? [this.object.shape] : []));
         else throw new Error(`The page without a program has no ${message.what}; take the program for it.`);
         return {};
       case 'set': return { value: this.set(String(message.key), message.value as Value) };
       case 'hold':
-        if (Array.isArray(message.at)) this.place(message.at as number[]);
+        if (Array.isArray(message.at)) this.build(() => this.makeHand(message.at as number[]));
         this.isHeld = true;
         this.heldTime = performance.now();
         this.follower.grip();
@@ -215,16 +228,6 @@ export class World {
       case 'force': return {};
       default: throw new Error(`The page without a program cannot ${message.command}; take the program for it.`);
     }
-  }
-
-  /** Puts the tool elsewhere: a new hand holds it there, and feels nothing before it has been free. */
-  private place(X_WT: number[]): void {
-    const hand = this.palpate.hand(this.tool, DEVICE, this.handOptions());
-    this.hand.free();
-    this.hand = hand;
-    this.X_WT = X_WT;
-    this.follower = new Follower(hand.handleAt(X_WT));
-    this.measure(this.time);
   }
 
   private release(): void {
@@ -244,6 +247,11 @@ export class World {
         old.free();
       } else if (key.startsWith('coupling.') || key.startsWith('friction.')) {
         this.hand.change(this.handOptions());
+      } else if (key === 'objects.shape') {
+        this.rebuild(() => this.makeObject());
+      } else if (key.startsWith('objects.')) {
+        if (this.object) this.scene.moveBody(0, this.object.pose(this.settings));
+        this.build(() => this.makeHand(this.X_WT));
       } else {
         if (key === 'scene.name') this.given = this.ownImage = null;
         this.rebuild();
@@ -258,14 +266,17 @@ export class World {
     return this.settings[key];
   }
 
-  private rebuild(): void {
-    this.build();
+  private rebuild(make = () => this.make()): void {
+    this.build(make);
     this.out.text(this.hello());
     this.out.text(this.state());
   }
 
   useTool(bytes: Uint8Array, name: string): void {
     this.takeOver({ givenTool: bytes }, `The tool is ${name}.`);
+  }
+  useObject(bytes: Uint8Array, name: string): void {
+    this.takeOver({ givenObject: { name, bytes }, settings: { ...this.settings, 'objects.shape': name } }, `The object is ${name}.`, () => this.makeObject());
   }
   /** Takes an image as the scene, or the next one of the same moving camera; null: what was there before the camera. */
   useImage(image: GivenImage | null): void {
@@ -278,14 +289,14 @@ export class World {
     }
   }
   /** Takes what a reader gave, or refuses it and goes on as before. */
-  private takeOver(news: { given?: GivenImage | null; givenTool?: Uint8Array }, note: string | null): void {
-    const { given, givenTool } = this;
+  private takeOver(news: Partial<Given>, note: string | null, make = () => this.make()): void {
+    const { given, givenTool, givenObject, settings } = this;
     Object.assign(this, news);
     try {
-      this.rebuild();
+      this.rebuild(make);
       this.note = note;
     } catch (error) {
-      Object.assign(this, { given, givenTool });
+      Object.assign(this, { given, givenTool, givenObject, settings });
       throw error;
     }
   }
@@ -353,7 +364,7 @@ export class World {
     const volume = this.contact.volume();
     this.samples.push([
       this.time, ...tick.force, ...tick.torque, ...tick.contactForce, ...tick.contactTorque, volume, 1000 * this.perTick, 0,
-      0, tick.stretch, tick.gain, tick.energy, ...tick.X_WT, ...tick.X_WT_hand]);
+      0, tick.stretch, tick.gain, tick.energy, ...tick.X_WT, ...tick.X_WT_hand, this.contact.bodiesVolume()]);
   }
 
   /** Sends a picture if the page has drawn the last one, and the state four times a second. Pictures become rarer while ticks are delayed. */
@@ -373,7 +384,7 @@ export class World {
     }
     if (this.show.contacts) {
       this.contact.measure(this.scene, this.X_WT, { spheres: true });
-      this.out.binary(contactMessage(this.contacts, this.time, this.X_WT, this.contact));
+      this.out.binary(contactMessage(this.contacts, this.time, this.X_WT, this.contact, this.object ? [this.object.pose(this.settings)] : []));
     }
     if (this.show.samples && this.samples.length > 0) {
       const start = this.samples[0][0];
