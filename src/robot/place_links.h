@@ -1,5 +1,5 @@
-// Where the links of some configurations are: vectors with a configuration in each lane. They have
-// the bits of RobotModel::place, whatever the instruction set.
+// Forward kinematics of some configurations at once: vectors with a configuration in each lane,
+// which have the bits of RobotModel::place, whatever the instruction set.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +11,7 @@ namespace palpate { inline namespace v0 {
 /// Configurations that are placed together.
 inline constexpr int kPlacedTogether = 8;
 
-/// What moves a joint.
+/// The motion of a joint.
 struct JointMoves {
   Vec3d axis;
   /// Sine and cosine of half the angle; position of a sliding one.

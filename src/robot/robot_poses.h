@@ -28,7 +28,7 @@ class RobotPlaces {
 
   /// 1 if a joint was beyond its limits.
   std::uint8_t held(std::size_t configuration) const { return held_[configuration]; }
-  /// Of a link of the model.
+  /// Returns the pose of a link of the model.
   Pose X_BL(std::size_t configuration, std::size_t link) const;
 
  private:

@@ -114,8 +114,13 @@ TEST(RobotLinks, Are_as_clear_as_every_pixel_says_together_and_apart) {
         EXPECT_EQ(least[i], here[nearest]);
         num_far += least[i] == kLimit;
         num_deep += least[i] == -kLimit;
-        if (std::abs(least[i]) == kLimit) {
+        if (least[i] == kLimit) {
           EXPECT_EQ(link[i], -1);
+          continue;
+        }
+        if (least[i] == -kLimit) {  // one of them
+          ASSERT_GE(link[i], 0);
+          EXPECT_EQ(here[link[i]], -kLimit);
           continue;
         }
         ++num_near;
@@ -123,6 +128,13 @@ TEST(RobotLinks, Are_as_clear_as_every_pixel_says_together_and_apart) {
         const std::size_t from = i * kNumLinks + static_cast<std::size_t>(nearest);
         EXPECT_TRUE(std::equal(&by_joint[i * n], &by_joint[i * n] + n, &each_by_joint[from * n]));
       }
+      // The same bits whatever else is asked.
+      const std::vector<double> least_before = least;
+      const std::vector<std::int32_t> link_before = link;
+      ASSERT_TRUE(contact.measure(scene, {std::span(joints).subspan(3 * n), X_WB}, of_least));
+      EXPECT_TRUE(std::equal(least_before.begin() + 3, least_before.end(), least.begin()));
+      EXPECT_TRUE(std::equal(link_before.begin() + 3, link_before.end(), link.begin()));
+      least = least_before;
       for (const double margin : {-0.02, 0.0, 0.03}) {
         std::vector<std::uint8_t> hits(kNum);
         ASSERT_TRUE(contact.any(scene, {joints, X_WB}, margin, hits.data()));

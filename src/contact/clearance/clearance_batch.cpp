@@ -38,51 +38,71 @@ class ClearanceBatchCpu final : public ClearanceBatch {
   Status measure(const ScenePoses& poses, const ClearanceWants& wants, const Put& put) override {
     const auto [limit, smoothing, only_least] = wants;
     const bool has_groups = only_least && !poses.group_of_pose.empty() && !(smoothing > 0);
-    for_some_poses(
-        pool_, poses.X_WT.size(), [&](std::size_t thread, std::size_t first, std::size_t end) {
-          Worker& worker = workers_[thread];
-          place(poses, first, end, limit, false, worker.screen);
-          if (has_groups) return measure_groups(poses, first, limit, worker, put);
-          for (std::size_t i = first; i < end; ++i) {
-            if (!is_finite(poses.X_WT[i])) continue;
-            const ClearanceQuery& query = queries_[tool_of(poses, i)];
-            const auto number = static_cast<int>(i - first);
-            put(i, smoothing > 0 ? query.measure_softly(scene_, worker.screen, number, limit,
-                                                        smoothing, worker.each)
-                                 : query.measure(scene_, worker.screen, number, limit, limit));
-          }
-        });
+    for_screens(poses, [&](Worker& worker, std::size_t first, std::size_t end) {
+      place(poses, first, end, limit, false, worker.screen);
+      if (has_groups) return measure_groups(poses, first, limit, worker, put);
+      for (std::size_t i = first; i < end; ++i) {
+        if (!is_finite(poses.X_WT[i])) continue;
+        const ClearanceQuery& query = queries_[tool_of(poses, i)];
+        const auto number = static_cast<int>(i - first);
+        put(i, smoothing > 0 ? query.measure_softly(scene_, worker.screen, number, limit, smoothing,
+                                                    worker.each)
+                             : query.measure(scene_, worker.screen, number, limit, limit));
+      }
+    });
     return Done{};
   }
 
   Status any(const ScenePoses& poses, double margin, std::uint8_t* hits) override {
     std::fill_n(hits, num_groups_of(poses), std::uint8_t{0});
-    for_some_poses(
-        pool_, poses.X_WT.size(), [&](std::size_t thread, std::size_t first, std::size_t end) {
-          Worker& worker = workers_[thread];
-          place(poses, first, end, margin, true, worker.screen);
-          const auto is_hit = [&](int number) {
-            const std::size_t i = first + static_cast<std::size_t>(number);
-            return !is_finite(poses.X_WT[i]) ||
-                   queries_[tool_of(poses, i)].is_within(scene_, worker.screen, number, margin);
-          };
-          for_groups(poses, first, worker, [&](std::size_t group, std::span<const int> numbers) {
-            for (const int number : numbers) {
-              if (__atomic_load_n(&hits[group], __ATOMIC_RELAXED) != 0) return;
-              if (!is_hit(number)) continue;
-              return __atomic_store_n(&hits[group], std::uint8_t{1}, __ATOMIC_RELAXED);
-            }
-          });
-        });
+    for_screens(poses, [&](Worker& worker, std::size_t first, std::size_t end) {
+      place(poses, first, end, margin, true, worker.screen);
+      const auto is_hit = [&](int number) {
+        const std::size_t i = first + static_cast<std::size_t>(number);
+        return !is_finite(poses.X_WT[i]) ||
+               queries_[tool_of(poses, i)].is_within(scene_, worker.screen, number, margin);
+      };
+      for_groups(poses, first, worker, [&](std::size_t group, std::span<const int> numbers) {
+        for (const int number : numbers) {
+          if (__atomic_load_n(&hits[group], __ATOMIC_RELAXED) != 0) return;
+          if (!is_hit(number)) continue;
+          return __atomic_store_n(&hits[group], std::uint8_t{1}, __ATOMIC_RELAXED);
+        }
+      });
+    });
     return Done{};
   }
 
  private:
   struct Worker {
     PoseScreen screen;
-    int order[PoseScreen::kMost];
+    int order[PoseScreen::kMaxPoses];
     std::vector<ClearanceHit> each;
   };
+
+  /// Calls work(worker, first, end) for all poses, as many as a screen takes. Poses of one group
+  /// that follow each other are begun with the first of them and stay together, so that what is
+  /// told of them depends on them alone.
+  template <class Work>
+  void for_screens(const ScenePoses& poses, const Work& work) {
+    const std::size_t num = poses.X_WT.size();
+    const auto is_start = [&](std::size_t i) {
+      return i == 0 || i == num || group_of(poses, i) != group_of(poses, i - 1);
+    };
+    for_some_poses(pool_, num, [&](std::size_t thread, std::size_t first, std::size_t end) {
+      while (first < end && !is_start(first)) ++first;  // those before are another's
+      if (first == end) return;
+      while (!is_start(end)) ++end;
+      while (first < end) {
+        const std::size_t most = std::min(first + PoseScreen::kMaxPoses, end);
+        std::size_t next = most;
+        while (next > first && !is_start(next)) --next;
+        if (next == first) next = most;  // a group of more poses than a screen takes
+        work(workers_[thread], first, next);
+        first = next;
+      }
+    });
+  }
 
   void place(const ScenePoses& poses, std::size_t first, std::size_t end, double limit,
              bool is_margin, PoseScreen& screen) const {

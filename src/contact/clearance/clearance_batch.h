@@ -70,7 +70,7 @@ inline std::size_t num_groups_of(const ScenePoses& poses) {
 /// Calls work(thread, first, end) for all poses, some at a time on each thread of a pool.
 template <class Work>
 void for_some_poses(ThreadPool& pool, std::size_t num, const Work& work) {
-  constexpr std::size_t kPosesAtATime = PoseScreen::kMost;
+  constexpr std::size_t kPosesAtATime = PoseScreen::kMaxPoses;
   std::atomic<std::size_t> next = 0;
   pool.parallel_for(pool.num_threads(), [&](int thread) {
     for (std::size_t first = next.fetch_add(kPosesAtATime); first < num;

@@ -18,8 +18,8 @@ inline constexpr float kNoSurface = 1e9f;
 /// closely. Windows of level k are 16 * 2^k pixels wide and start at every fourth of that.
 struct DepthWindows {
   static constexpr int kLevels = 8;
-  static constexpr int kStep = 4;       ///< pixels from window to window at level 0
-  static constexpr int kMostSteps = 7;  ///< that two windows cover wherever they start
+  static constexpr int kStep = 4;      ///< pixels from window to window at level 0
+  static constexpr int kMaxSteps = 7;  ///< that two windows cover wherever they start
 
   const float* nearest = nullptr;  ///< m, of all levels; null: not made
   std::int32_t first[kLevels] = {}, wide[kLevels] = {}, high[kLevels] = {};

@@ -57,8 +57,8 @@ VecF plane_change_to(const Image& image, VecF depth) {
 // Bounds the clearance of poses by the balls around their tools, before each camera by itself.
 void screen_poses(PoseScreen& screen) {
   for (int k = 0; k < screen.num_cameras; ++k) place_poses(screen, k);
-  float ball[4][PoseScreen::kMost], reach[PoseScreen::kMost];
-  for (int i = 0; i < PoseScreen::kMost; ++i) {
+  float ball[4][PoseScreen::kMaxPoses], reach[PoseScreen::kMaxPoses];
+  for (int i = 0; i < PoseScreen::kMaxPoses; ++i) {
     const ClearanceTool& tool = *screen.tools[i < screen.num ? i : 0];
     ball[0][i] = tool.ball.center.x;
     ball[1][i] = tool.ball.center.y;

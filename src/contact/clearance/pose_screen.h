@@ -8,25 +8,25 @@ namespace palpate { inline namespace v0 {
 
 /// Some poses of tools before the cameras of a scene.
 struct PoseScreen {
-  static constexpr int kMost = 64;  ///< poses
+  static constexpr int kMaxPoses = 64;  ///< poses
 
   // Arguments.
   const SeenByCamera* cameras = nullptr;
   int num_cameras = 0;
   const Pose* X_WT = nullptr;
-  const ClearanceTool* tools[kMost] = {};  ///< of each pose
+  const ClearanceTool* tools[kMaxPoses] = {};  ///< of each pose
   int num = 0;
   float limit = 0;         ///< m: clearance from here on is not told apart
   bool is_margin = false;  ///< planes count, which may be nearer than pixels
 
   // Results of each pose.
-  float change[kMost] = {};  ///< m: planes change distances by no more
-  float least[kMost] = {};   ///< m: no pixel gives a sphere a lower clearance, up to the limit;
-                             ///< far below 0 of poses that are not finite
-  float finite[kMost] = {};  ///< not finite if the pose is not
+  float change[kMaxPoses] = {};  ///< m: planes change distances by no more
+  float least[kMaxPoses] = {};   ///< m: no pixel gives a sphere a lower clearance, up to the limit;
+                                 ///< far below 0 of poses that are not finite
+  float finite[kMaxPoses] = {};  ///< not finite if the pose is not
   /// Tool in each camera.
   struct Placed {
-    float R_CT[3][3][kMost] = {}, p_CT[3][kMost] = {};
+    float R_CT[3][3][kMaxPoses] = {}, p_CT[3][kMaxPoses] = {};
   } placed[kMaxCameras];
 
   /// m: pixels from here on do not matter to a clearance below this.

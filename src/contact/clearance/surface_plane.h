@@ -35,7 +35,7 @@ struct PointDistance {
 struct SurfaceWindow {
   /// Largest change of depth from pixel to pixel of one surface, share.
   static constexpr double kSurfaceStep = 0.012;
-  static constexpr int kMostReach = 4;  ///< pixels on each side
+  static constexpr int kMaxReach = 4;  ///< pixels on each side
 
   const ClearanceImage& image;
   int u, v;
@@ -61,10 +61,10 @@ struct SurfaceWindow {
   /// in the image. Least squares. False: the pixels lie on a line.
   PALPATE_HOSTDEV bool fit(int reach, Vec3d& N) const {
     // All loops over columns have the same length, and no branches: vectors take them.
-    constexpr int kWide = 2 * kMostReach + 1;
+    constexpr int kWide = 2 * kMaxReach + 1;
     std::int32_t places[kWide];  // of columns in a row; -1: there is none
     for (int k = 0; k < kWide; ++k) {
-      const int i = k - kMostReach, at_u = u + i;
+      const int i = k - kMaxReach, at_u = u + i;
       const bool is_there = i >= -reach && i <= reach && at_u >= 0 && at_u < image.width;
       places[k] = is_there ? image.place(0, at_u, 0) : -1;
     }
@@ -80,11 +80,11 @@ struct SurfaceWindow {
       }
       for (int k = 0; k < kWide; ++k) {
         const double by_here = 1 / here[k];
-        inverse[k] = is_near(here[k], k - kMostReach, j) ? by_here : 0.0;
+        inverse[k] = is_near(here[k], k - kMaxReach, j) ? by_here : 0.0;
       }
       int in_row = 0, row_i = 0, row_ii = 0;
       for (int k = 0; k < kWide; ++k) {
-        const int i = k - kMostReach, is_there = inverse[k] > 0 ? 1 : 0;
+        const int i = k - kMaxReach, is_there = inverse[k] > 0 ? 1 : 0;
         in_row += is_there;
         row_i += is_there * i;
         row_ii += is_there * i * i;
@@ -142,7 +142,7 @@ PALPATE_HOSTDEV inline PointDistance refined_distance(const ClearanceImage& imag
   const PointDistance plain{outward * distance,
                             distance > 0 ? apart * (outward / distance) : Vec3d{0, 0, -1}};
   if (t != depth) return plain;  // beside a surface, or behind its back
-  for (int reach = SurfaceWindow::kMostReach; reach > 0; reach /= 2) {
+  for (int reach = SurfaceWindow::kMaxReach; reach > 0; reach /= 2) {
     Vec3d N;
     if (!window.fit(reach, N)) continue;
     const double length = norm(N), off = (1 - dot(N, p)) / length;

@@ -33,8 +33,8 @@ PALPATE_LANE_CODE inline VecF depth_around(const Image& image, const CameraPoint
   const PixelRange v =
       pixels_of(at.y, reach, near_scale, far_scale, image.fy, image.cy, image.height);
   // The first level of which two windows cover them: the exponent, rounded up.
-  constexpr float kMost = DepthWindows::kMostSteps * DepthWindows::kStep;
-  const VecF steps = (max(u.width, v.width) + 1.0f) * (1 / kMost);
+  constexpr float kMaxPixels = DepthWindows::kMaxSteps * DepthWindows::kStep;
+  const VecF steps = (max(u.width, v.width) + 1.0f) * (1 / kMaxPixels);
   VecI level = ((bits_of(steps) + -1) >> 23) + -126;
   level = select(level > VecI{}, level, VecI{});
   const VecI is_covered = level < splat(windows.num_levels);
