@@ -79,6 +79,7 @@ TEST(NeededWindow, IsWhereTheBallIsSeen) {
   EXPECT_GT(num_inside, 1000);
   const PixelWindow all{0, 0, kWidth, kHeight};
   EXPECT_EQ(needed_window(k, kWidth, kHeight, {0, 0, 0.3}, 0.29), all) << "up to the eye";
+  EXPECT_EQ(needed_window(k, kWidth, kHeight, {1e200, 0, 1e200}, 0.1), all) << "numbers overflow";
 }
 
 // To the last pixel of every stage, in memory where another frame was before.
