@@ -63,8 +63,7 @@ def gradients(tool):
     points = palpate.Sensor(camera).update(depth).points[100:380, 150:490].reshape(-1, 3)
     p = points[random.choice(len(points), NUM)] + random.uniform(-0.03, 0.01, (NUM, 1)) * [0, 0, 1]
     numbers = np.concatenate([p, q / np.linalg.norm(q, axis=1)[:, None]], axis=1)
-    poses = torch.from_numpy(numbers).cuda().requires_grad_()
-    fixed = poses.detach()
+    fixed = torch.from_numpy(numbers).cuda()
 
     def empty(*shape):
         return torch.empty(NUM, *shape, dtype=torch.float64, device="cuda")
@@ -79,9 +78,11 @@ def gradients(tool):
         contact.measure_batch(surface, fixed, stiffness=True, out=stiff, stream=torch.cuda.current_stream())
 
     def gradient():
+        poses = fixed.detach().requires_grad_()  # a leaf of the stream that captures
         return torch.autograd.grad(penetration(contact, surface, poses).potential.sum(), poses)
 
     def hessian():
+        poses = fixed.detach().requires_grad_()
         potential = penetration(contact, surface, poses, second=True).potential
         (first,) = torch.autograd.grad(potential.sum(), poses, create_graph=True)
         return torch.autograd.grad(first.sum(), poses)

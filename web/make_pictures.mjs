@@ -203,7 +203,7 @@ const pictures = {
     if (!existsSync(file)) fail(`${file} is not there: make web-core`);
     const page = await browser.newPage({ viewport: { width: 1280, height: 720 }, colorScheme: 'dark' });
     page.setDefaultTimeout(0);
-    await page.goto(`${pathToFileURL(file).href}?view=camera`);
+    await page.goto(`${pathToFileURL(file).href}?view=camera&objects.shape=box`);
     await until('the tool', () => page.evaluate(() => window.palpate?.sample && window.palpate.counters.contacts > 1));
     await press(page, 3);
     await page.screenshot({ path: kept(name) });

@@ -33,7 +33,7 @@ nlohmann::ordered_json json_of(const Robot& robot) {
   return json;
 }
 
-std::string describe(const Robot& robot) {
+std::string summary_of(const Robot& robot) {
   std::string text;
   for (std::size_t i = 0; i < robot.links().size(); ++i) {
     text += "link          " + robot.links()[i] + ": " +
@@ -105,7 +105,7 @@ Status pack_robot(const RobotJob& job) {
     print_json(json);
     return Done{};
   }
-  results() << describe(*robot) << "written       " << job.output << '\n';
+  results() << summary_of(*robot) << "written       " << job.output << '\n';
   return Done{};
 }
 
@@ -115,7 +115,7 @@ Status print_robot(const std::string& path, bool is_json) {
   if (is_json) {
     print_json(json_of(*robot));
   } else {
-    std::cout << describe(*robot);
+    std::cout << summary_of(*robot);
   }
   return Done{};
 }

@@ -316,7 +316,7 @@ class TestGradients:
         on_gpu = palpate.Sensor(camera, place="cuda").update(images[0])
         stretched = poses.copy()
         stretched[:, 3:] *= 1.3  # quaternions of any length
-        return torch, palpate.Sensor(camera).update(images[0]), on_gpu, torch.from_numpy(stretched)
+        return torch, palpate.Sensor(camera).update_batch(images[:1]), on_gpu, torch.from_numpy(stretched)
 
     @staticmethod
     def assert_close(there, here, name, tolerance=1e-4):
@@ -342,12 +342,8 @@ class TestGradients:
                     "by wrench": by_wrench}
 
         here, there = derivatives(on_cpu, numbers), derivatives(on_gpu, numbers.cuda())
-        # The batch shortens gradients of the field that are longer than 1.05: such poses are left out.
-        force = palpate.Contact(cube).measure_batch(on_cpu, numbers.numpy()).force
-        same = torch.from_numpy(np.abs(force - here["wrench"][:, :3].detach().numpy()).max(1) < 1e-4 * cube.volume)
-        assert same.float().mean() > 0.8
         for name, expected in here.items():
-            self.assert_close(there[name].detach()[same.cuda()], expected.detach()[same], name)
+            self.assert_close(there[name].detach(), expected.detach(), name)
         assert not there["volume"].requires_grad
 
     def test_many_surfaces(self, cube, scene, felt):
