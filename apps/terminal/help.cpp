@@ -21,13 +21,17 @@ constexpr std::size_t kMaxLines = 45, kPipeWidth = 80, kMinWidth = 40, kMaxWidth
 constexpr std::size_t kOptionColumn = 26, kVerbColumn = 13;  // of the descriptions
 
 constexpr std::array kFirstOptions = {
-    "--output",     "--camera",  "--depth-sequence", "--depth",    "--intrinsics",
-    "--depth-unit", "--scene",   "--cloud",          "--pose",     "--poses",
-    "--tool-frame", "--path",    "--device",         "--duration", "--method",
-    "--object",     "--backend", "--view",           "--json",     "--settings",
-    "--stiffness",  "--std",     "--clearance",      "--unit",     "--spheres"};
+    "--output", "--camera",   "--depth-sequence", "--depth",  "--intrinsics", "--depth-unit",
+    "--scene",  "--cloud",    "--pose",           "--poses",  "--tool-frame", "--path",
+    "--device", "--duration", "--method",         "--object", "--backend",    "--view",
+    "--json",   "--settings", "--stiffness"};
+/// Options that are first ones of a verb alone.
+constexpr std::array kFirstOfVerbs = {"pack --unit", "pack --spheres", "query --std",
+                                      "query --clearance"};
 
-bool is_first(const CLI::Option& option) {
+bool is_first(const CLI::App& verb, const CLI::Option& option) {
+  const std::string named = verb.get_name() + " " + option.get_name();
+  if (std::ranges::count(kFirstOfVerbs, named) > 0) return true;
   return option.get_positional() || std::ranges::any_of(kFirstOptions, [&](std::string_view name) {
            return option.check_lname(std::string(name.substr(2)));
          });
@@ -119,7 +123,7 @@ std::string text_of(const CLI::App& app, std::size_t width, bool is_all) {
   for (const std::string& group : app.get_groups()) {
     if (group.empty()) continue;  // hidden
     const auto shown = app.get_options([&](const CLI::Option* option) {
-      return option->get_group() == group && (is_all || is_first(*option));
+      return option->get_group() == group && (is_all || is_first(app, *option));
     });
     const auto all =
         app.get_options([&](const CLI::Option* option) { return option->get_group() == group; });

@@ -322,9 +322,9 @@ class RobotPacking(CommandLineCase):
         # The box is thinner there than spheres reach: its corners are farther than that.
         missed = self.pack("--standoff", 0.0005, "--robot-skip", "upper,sail").stderr
         self.assertRegex(missed, r"^palpate: warning: link 'hand' has surface [\d.]+ mm from .*, not within 0.5 mm")
-        self.assertEqual(json.loads(self.succeed("info", self.robot, "--json")),
-                         {key: value for key, value in json.loads(self.pack("--robot-skip", "upper,sail", "--json").stdout).items()
-                          if key != "output"})
+        packed = json.loads(self.pack("--robot-skip", "upper,sail", "--json").stdout)
+        self.assertEqual(packed.pop("output"), self.robot)
+        self.assertEqual(json.loads(self.succeed("info", self.robot, "--json")), packed)
         self.assertIn("joints        1\n", self.succeed("info", self.robot))
         self.expect_failure(1, "export", self.robot, "--mesh", self.path("never.ply"), mentions="is not a tool file")
 

@@ -265,7 +265,8 @@ std::string RunResults::force_off_warning(const RunLog& log, const LoopTimes& ti
   const FaultPeriod& first = log.faults.front();
   const double surface = 1e-6 * times.surface_compute.summary().p50;
   std::string why(describe(first.fault));
-  if (first.fault == Fault::stale_sensor && surface > 0.9 * period) {
+  const bool is_live = !log.loop.scheduling.empty();
+  if (is_live && first.fault == Fault::stale_sensor && surface > 0.9 * period) {
     why = "this computer was too busy for a depth frame in time: a surface took " +
           number_text(1e3 * surface, 3) + " ms, and there are " + number_text(1e3 * period, 3) +
           " ms for it; a smaller image, a GPU or fewer other programs help";
