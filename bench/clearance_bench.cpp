@@ -324,8 +324,10 @@ int main(int argc, char** argv) {
   using palpate::Backend, palpate::Place;
   ResultRows all(argc, argv);
   std::string only, path;
-  const Place place = argc > 1 && std::strcmp(argv[1], "--gpu") == 0 ? Place::cuda() : Place::cpu();
-  for (int i = 1; i + 1 < argc; ++i) {
+  Place place = Place::cpu();
+  for (int i = 1; i < argc; ++i) {
+    if (std::strcmp(argv[i], "--gpu") == 0) place = Place::cuda();
+    if (i + 1 == argc) break;
     if (std::strcmp(argv[i], "--only") == 0) only = argv[i + 1];
     if (std::strcmp(argv[i], "--csv") == 0) path = argv[i + 1];
   }

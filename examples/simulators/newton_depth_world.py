@@ -19,7 +19,7 @@ import palpate
 try:
     import newton
     import warp as wp
-    from warp_room import mat66, predict, press, vec6
+    from warp_room import compile_for, mat66, predict, press, vec6
 except ImportError:
     newton = None
 
@@ -29,6 +29,7 @@ class Pegs:
 
     def __init__(self, depth, camera, starts, device):
         self.device, self.place = device, "cpu" if device == "cpu" else "cuda"
+        compile_for(device)
         builder = newton.ModelBuilder(gravity=(0, 0, -GRAVITY))
         for start in starts:
             builder.begin_world()

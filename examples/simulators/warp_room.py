@@ -9,10 +9,15 @@ from room import CREEP, MASS, ROUNDS, STEP
 
 d = wp.float64
 vec6, mat66 = wp.spatial_vectord, wp.spatial_matrixd
-# Warp's compiler for CPUs takes minutes over unrolled matrices of 6 x 6; on GPUs they stay in registers.
-wp.set_module_options({"enable_backward": False, **({} if wp.get_cuda_device_count() else {"max_unroll": 1, "optimization_level": 1})})
+wp.set_module_options({"enable_backward": False})
 H, M_PEG, SLOW, TINY = wp.constant(d(STEP)), wp.constant(d(MASS)), wp.constant(d(CREEP)), wp.constant(d(1e-9))
 CONVERGED = wp.constant(d(1e-24))  # m2/s2: square of the change at which room.py stops
+
+
+def compile_for(device):
+    """Warp's compiler for CPUs takes minutes over unrolled matrices of 6 x 6; on GPUs they stay in registers. Before the first launch."""
+    if device == "cpu":
+        wp.set_module_options({"max_unroll": 1, "optimization_level": 1})
 
 
 @wp.kernel

@@ -2,7 +2,8 @@
 
 With surfaces in host memory, volume, potential and wrench are computed in double, element by element: the
 exact derivatives of the field measure. With surfaces on a GPU they are those of Contact.measure_batch, in one
-launch in PyTorch's current stream: nothing leaves the GPU, and a CUDA graph can capture all of it.
+launch in PyTorch's current stream: nothing leaves the GPU, and a CUDA graph can capture all of it after one
+call with the same tool outside of the capture.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ __all__ = ["Penetration", "clearance", "penetration", "wrench"]
 ToolOrContact = Union[_core.Tool, _core.Contact]
 
 _contacts: "weakref.WeakKeyDictionary[_core.Tool, Dict[str, _core.Contact]]" = weakref.WeakKeyDictionary()
-_differentiated: "weakref.WeakKeyDictionary[_core.Tool, _core.Differentiated]" = weakref.WeakKeyDictionary()
+_differentiated: "weakref.WeakKeyDictionary[ToolOrContact, _core.Differentiated]" = weakref.WeakKeyDictionary()
 _centers: "weakref.WeakKeyDictionary[ToolOrContact, Dict[torch.device, torch.Tensor]]" = weakref.WeakKeyDictionary()
 
 
@@ -60,7 +61,12 @@ def _only_tool(tool: ToolOrContact) -> _core.Tool:
     return tool if isinstance(tool, _core.Tool) else tool.tool
 
 
-def _contact_of(tool: ToolOrContact, place: str = "cpu") -> _core.Contact:
+def _place_of(scene: Any) -> str:
+    first = scene.cameras[0] if isinstance(scene, _core.Scene) and scene.cameras else scene
+    return first.place if isinstance(first, (_core.Surface, _core.Surfaces)) else "cpu"
+
+
+def _contact_of(tool: ToolOrContact, place: str) -> _core.Contact:
     if isinstance(tool, _core.Contact):
         return tool
     by_place = _contacts.setdefault(tool, {})
@@ -78,16 +84,15 @@ def _measure(asked: _Question, poses: torch.Tensor, with_stiffness: bool) -> _Fo
     numbers = np.ascontiguousarray(poses.detach().to("cpu", torch.float64).numpy())
     if not isinstance(scene, _core.Surface):
         which = None if surface_of_pose is None else surface_of_pose.cpu().numpy()
-        batch = _contact_of(tool).measure_batch(scene, numbers, surface_of_pose=which, stiffness=True)
+        batch = _contact_of(tool, _place_of(scene)).measure_batch(scene, numbers, surface_of_pose=which, stiffness=True)
         both = np.concatenate([batch.force, batch.torque], 1)
         volume, potential, wrench_W, stiffness = (
             torch.from_numpy(np.array(each)) for each in (batch.volume, batch.potential, both, batch.stiffness)
         )
         return _Found(volume, potential, None, wrench_W, stiffness)
-    tool = _only_tool(tool)
     by_definition = _differentiated.get(tool)
     if by_definition is None:
-        by_definition = _differentiated[tool] = _core.Differentiated(tool)
+        by_definition = _differentiated[tool] = _core.Differentiated(_only_tool(tool))
     return _Found(*(torch.from_numpy(array) for array in by_definition(scene, numbers)))
 
 
@@ -96,7 +101,7 @@ def _measure_on_gpu(asked: _Question, poses: torch.Tensor, with_stiffness: bool)
         raise ValueError("poses: surfaces on a GPU take (P, 7), tx ty tz qx qy qz qw")
     device = torch.device(asked.scene.place)
     there = poses.detach().to(device, torch.float64)
-    there = torch.cat([there[:, :3], torch.nn.functional.normalize(there[:, 3:])], 1)
+    there = torch.cat([there[:, :3], there[:, 3:] / there[:, 3:].norm(dim=1, keepdim=True)], 1)
 
     def empty(*shape: int) -> torch.Tensor:
         return torch.empty(len(there), *shape, dtype=torch.float64, device=device)
@@ -134,7 +139,9 @@ def _by_pose(by_motion: torch.Tensor, asked: _Question, poses: torch.Tensor) -> 
     p_TC = _center_of(asked.tool, by_motion.device)
     by_shift, by_turn = by_motion[:, :3], by_motion[:, 3:]
     if poses.ndim == 2:
-        q = inside[:, 3:]
+        # Poses that are no poses have no force; there the identity stands for them.
+        is_pose = inside.isfinite().all(1, keepdim=True) & inside[:, 3:].any(1, keepdim=True)
+        q = torch.where(is_pose, inside[:, 3:], torch.nn.functional.pad(torch.zeros_like(by_shift), (0, 1), value=1.0))
         by_turn = by_turn + torch.linalg.cross(_rotated(q, p_TC), by_shift)
         # turn = 2 vec(dq q*) / |q|^2, for any length of q
         by_turn = by_turn * (2 / (q * q).sum(1, keepdim=True))
@@ -211,6 +218,8 @@ def _checked(poses: torch.Tensor) -> torch.Tensor:
 def _asked(tool: ToolOrContact, scene: Any, surface_of_pose: Optional[torch.Tensor]) -> _Question:
     if isinstance(tool, _core.Contact) and len(tool.tools) > 1:
         raise ValueError("tool: penetration takes one tool at a time, not a contact with several")
+    if surface_of_pose is not None and isinstance(scene, (_core.Surface, _core.Scene, _core.Body)):
+        raise ValueError("surface_of_pose: there is one scene; give palpate.Surfaces or a list for several")
     return _Question(tool, scene, surface_of_pose)
 
 
@@ -232,7 +241,8 @@ def penetration(
     gradient along rotations.
 
     Surfaces on a GPU: one launch in PyTorch's current stream; poses (P, 7). second: measure the stiffness in
-    the same launch; without it a second derivative is a launch more. Poses that are not finite give zero.
+    the same launch; without it a second derivative is a launch more. Poses that are not finite, or
+    have a quaternion of zeros, give zero.
     """
     volume, potential = _Penetration.apply(_checked(poses), _asked(tool, scene, surface_of_pose), second)  # type: ignore[no-untyped-call]
     return Penetration(volume, potential)
@@ -253,7 +263,7 @@ def clearance(
     that changes the clearance has a kink. Second derivatives are those of a sphere before a plane.
     Beyond `limit` (m) the clearance is constant.
     """
-    contact = _contact_of(tool)
+    contact = _contact_of(tool, _place_of(scene))
     numbers = np.ascontiguousarray(_checked(poses).detach().to("cpu", torch.float64).numpy())
     batch = contact.measure_batch(scene, numbers, clearance=True, limit=limit, tool_of_pose=tool_of_pose)
     tools = contact.tools

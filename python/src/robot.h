@@ -6,6 +6,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -94,7 +95,8 @@ struct GivenJoints {
   std::size_t num = 0;
 };
 
-/// An array that Python owns, in host memory or on a GPU, of zeros.
+/// An array that Python owns, in host memory or on a GPU, of zeros. Bytes are of 0 and 1: bools on
+/// a GPU, and see `bools`.
 template <class T>
 struct Made {
   T* at = nullptr;
@@ -110,8 +112,9 @@ struct Made {
       check(memory->status());
       const nb::capsule owner(memory.release(),
                               [](void* p) noexcept { delete static_cast<gpu::Memory*>(p); });
-      array = nb::cast(nb::ndarray<nb::array_api, T>(at, shape, owner, {}, nb::dtype<T>(),
-                                                     nb::device::cuda::value, gpu));
+      const auto type = std::is_same_v<T, std::uint8_t> ? nb::dtype<bool>() : nb::dtype<T>();
+      array = nb::cast(
+          nb::ndarray<nb::array_api>(at, shape, owner, {}, type, nb::device::cuda::value, gpu));
       return;
     }
 #endif

@@ -154,3 +154,20 @@ def test_what_cannot_be_joined_is_refused(views, cube, camera):
         with pytest.raises(TypeError, match="Surface"):
             palpate.Contact(cube).measure(wrong, pose)
     assert palpate.Contact(cube).measure([alone], pose).volume > 0
+
+
+def test_frames_of_a_camera_end_when_they_are_closed():
+    """The first image of a simulated wall is the one that is rendered, within its noise; after close none comes."""
+    frames = palpate.CameraFrames("scene:wall", in_real_time=False)
+    depth, camera, _ = palpate.render_scene("wall", 0.0)
+    time, counts, pose = next(frames)
+    assert counts.shape == depth.shape == (frames.camera.height, frames.camera.width)
+    assert np.allclose(pose[3:], [0, 0, 0, 1]) and time >= 0
+    seen = (counts > 0) & (depth > 0)
+    assert np.abs(counts[seen] * frames.camera.unit - depth[seen]).mean() < 0.005
+    assert next(frames)[0] > time
+    frames.close()
+    with pytest.raises(StopIteration):
+        next(frames)
+    with pytest.raises(palpate.Error, match="nowhere"):
+        palpate.CameraFrames("nowhere:")

@@ -111,6 +111,12 @@ def test_single_precision_and_bad_poses(cube, felt):
         penetration(cube, surface, torch.full((1, 7), float("nan"), dtype=torch.float64))
 
 
+def test_one_scene_has_no_numbers(cube, felt):
+    surface, poses = felt
+    with pytest.raises(ValueError, match="surface_of_pose: there is one scene"):
+        penetration(cube, surface, poses, surface_of_pose=torch.zeros(3, dtype=torch.int32))
+
+
 def test_tensors_are_images_and_poses(cube, felt):
     depth, camera, _ = palpate.render_scene("pillar", 0.0, width=160, height=120)
     by_numpy = palpate.Sensor(camera).update(depth)

@@ -82,7 +82,8 @@ Status Robot::place(std::span<const double> joints, const Pose& X_WB, std::span<
   }
   std::vector<Pose> X_BL(data_->model.links.size());
   data_->model.place(positions, X_BL);
-  for (std::size_t l = 0; l < X_WL.size(); ++l) X_WL[l] = X_WB * X_BL[data_->limb_links[l]];
+  const Pose unit_X_WB = with_unit_rotation(X_WB);
+  for (std::size_t l = 0; l < X_WL.size(); ++l) X_WL[l] = unit_X_WB * X_BL[data_->limb_links[l]];
   return Done{};
 }
 
@@ -175,13 +176,24 @@ Status RobotContact::Impl::measure_on_gpu(const Scene& scene, const RobotPoses& 
   return Done{};
 }
 
-Status RobotContact::measure(const Scene& scene, const RobotPoses& poses,
+Status RobotContact::measure(const Scene& scene, const RobotPoses& given,
                              const RobotAnswers& all) const {
   Impl& impl = *impl_;
+  RobotPoses poses = given;
+  poses.X_WB = with_unit_rotation(given.X_WB);
   const Robot::Data& robot = impl.data();
   if (const Status s = impl.check(poses); !s) return s;
   RobotAnswers to = all;
-  if (impl.is_on_gpu && (all.clearance || all.link || all.clearance_by_joint)) {
+  const bool is_there = poses.gpu != kHostMemory;
+  if (is_there && (all.volume || all.wrench || all.joint_torque || all.unseen ||
+                   all.link_clearance || all.link_clearance_by_joint)) {
+    return Error{
+        Errc::invalid_argument,
+        "a GPU tells the clearance, its link and its derivative of joints in its memory; give "
+        "the positions in host memory for more"};
+  }
+  if (impl.is_on_gpu &&
+      (all.clearance || all.link || all.clearance_by_joint || (is_there && all.held))) {
     const Status s = impl.measure_on_gpu(
         scene, poses,
         {all.clearance, all.link, all.clearance_by_joint, all.held, nullptr, all.clearance_limit});
@@ -193,12 +205,6 @@ Status RobotContact::measure(const Scene& scene, const RobotPoses& poses,
   const bool wants_more =
       to.wants_clearance() || to.volume || to.wrench || to.joint_torque || to.unseen || to.held;
   if (!wants_more) return Done{};
-  if (poses.gpu != kHostMemory) {
-    return Error{
-        Errc::invalid_argument,
-        "a GPU tells the clearance, its link and its derivative of joints in its memory; give "
-        "the positions in host memory for more"};
-  }
   const std::size_t n = robot.joints.size(), num_limbs = robot.limbs.size();
   const std::size_t total = poses.joints.size() / n;
   RobotMeasures found;
@@ -217,9 +223,11 @@ Status RobotContact::measure(const Scene& scene, const RobotPoses& poses,
   return Done{};
 }
 
-Status RobotContact::any(const Scene& scene, const RobotPoses& poses, double margin,
+Status RobotContact::any(const Scene& scene, const RobotPoses& given, double margin,
                          std::uint8_t* hits) const {
   Impl& impl = *impl_;
+  RobotPoses poses = given;
+  poses.X_WB = with_unit_rotation(given.X_WB);
   if (const Status s = impl.check(poses); !s) return s;
   if (impl.is_on_gpu) return impl.measure_on_gpu(scene, poses, {.hits = hits, .limit = margin});
   const std::size_t total = poses.joints.size() / impl.data().joints.size();

@@ -99,7 +99,7 @@ Status RobotContact::free_motions(const Scene& scene, const RobotPoses& poses,
     }
     std::vector<Motion> next;
     for (std::size_t first = 0; first < open.size();) {
-      const std::size_t num = impl.place({joints, poses.X_WB}, first);
+      const std::size_t num = impl.place({joints, with_unit_rotation(poses.X_WB)}, first);
       clearance.resize(num * num_limbs);
       requested.clearance = clearance.data();
       if (const Status s = impl.contact.measure(scene, impl.scene_poses(num, false), requested); !s)

@@ -2,6 +2,7 @@
 // are.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -11,6 +12,13 @@
 #include "src/robot/robot_data.h"
 
 namespace palpate { inline namespace v0 {
+
+/// Returns a pose with a rotation of length 1; without a change if it is that within rounding.
+inline Pose with_unit_rotation(const Pose& X) {
+  const Quaternion& q = X.rotation;
+  const double square = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
+  return std::abs(square - 1) < 1e-12 ? X : Pose{X.translation, normalized(q)};
+}
 
 /// Links of some configurations. Eight of them are placed at a time, by vectors.
 class RobotPlaces {

@@ -83,7 +83,7 @@ TEST(RobotLinks, Are_as_clear_as_every_pixel_says_together_and_apart) {
   test::Random random(5);
   const Robot robot = chain();
   const std::size_t n = robot.joints().size();
-  constexpr std::size_t kNum = 23;  // so that links of one configuration lie in two screens
+  constexpr std::size_t kNum = 23;  // several screens
   constexpr double kLimit = 0.2;
   int num_near = 0, num_deep = 0, num_far = 0;
   for (const DepthFieldOptions& field :

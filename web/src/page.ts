@@ -66,6 +66,7 @@ export class Page implements Listener {
   private troubleEnd = 0;
   private readonly opened: PanelName[]; // panels open at first
   private readonly hasLook: boolean; // the address sets the tool's look
+  private hasBegun = false;
 
   constructor(address: URLSearchParams, openWire?: OpenWire) {
     this.scene = this.makeScene();
@@ -126,8 +127,9 @@ export class Page implements Listener {
     this.plots.clear();
     this.scene.setHello(hello);
     // A tool alone is looked at for its spheres.
-    if (!this.hasLook && this.connection.reconnects === 0) this.scene.options.toolLook = hello.kind === 'tool' ? 'caps' : 'mesh';
-    if (hello.handle) this.makeSpaceForHand();
+    if (!this.hasLook && !this.hasBegun) this.scene.options.toolLook = hello.kind === 'tool' ? 'caps' : 'mesh';
+    if (hello.handle && !this.hasBegun) this.makeSpaceForHand();
+    this.hasBegun = true; // what is opened and looked at since stays as it is
     for (const panel of [this.bar, this.readouts, this.image, this.timeline, this.controls, this.handling]) panel.setHello(hello);
     this.root.dataset.kind = hello.kind;
     this.dock.hide(hello.kind === 'tool' ? ['plots', 'image'] : hello.streams.length > 0 ? [] : ['image']);
@@ -136,7 +138,6 @@ export class Page implements Listener {
 
   /** Closes most panels, for a run whose tool the page can hold. */
   private makeSpaceForHand(): void {
-    if (this.connection.reconnects > 0) return;
     this.hint.hidden = true; // the hand's card says more
     this.dock.begin(this.opened.filter((name) => name === 'plots'));
   }

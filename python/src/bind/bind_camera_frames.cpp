@@ -2,6 +2,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <atomic>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -37,9 +38,9 @@ class CameraFrames {
         taken(interruptible([stream = stream_]() -> Result<std::optional<DepthFrame>> {
           const std::lock_guard lock(stream->mutex);
           DepthFrame read;
-          const Result<bool> got = stream->source->next(read);
+          const Result<bool> got = stream->is_closed ? false : stream->source->next(read);
           if (!got) return got.error();
-          if (!*got) return std::optional<DepthFrame>();
+          if (!*got || stream->is_closed) return std::optional<DepthFrame>();
           return std::optional(std::move(read));
         }));
     if (!frame) throw nb::stop_iteration();
@@ -50,12 +51,16 @@ class CameraFrames {
   }
 
   std::vector<std::string> notes() { return stream_->source->take_notes(); }
-  void close() { stream_->source->cancel(); }
+  void close() {
+    stream_->is_closed = true;  // files have no other end
+    stream_->source->cancel();
+  }
 
  private:
   struct Stream {
     std::mutex mutex;  // of `next`
     std::unique_ptr<DepthSource> source;
+    std::atomic<bool> is_closed = false;
   };
   std::shared_ptr<Stream> stream_;
 };

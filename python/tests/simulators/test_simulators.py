@@ -110,7 +110,9 @@ def test_a_new_frame_blends_in(tool):
 def test_kernels_of_warp_compute_the_same(tool):
     """They measure in the camera's frame, room.py in W."""
     wp = pytest.importorskip("warp", reason="SKIPPED: no Warp; scripts/setup.sh --simulators fetches it")
-    from warp_room import mat66, predict, press, vec6
+    from warp_room import compile_for, mat66, predict, press, vec6
+
+    compile_for("cpu")
 
     room, random, num = room_of(tool), np.random.default_rng(1), 20
     depth, camera = rooms.table(0.0, 160, 120)

@@ -38,7 +38,7 @@ class ClearanceBatchCpu final : public ClearanceBatch {
   Status measure(const ScenePoses& poses, const ClearanceWants& wants, const Put& put) override {
     const auto [limit, smoothing, only_least] = wants;
     const bool has_groups = only_least && !poses.group_of_pose.empty() && !(smoothing > 0);
-    for_screens(poses, [&](Worker& worker, std::size_t first, std::size_t end) {
+    for_screens(poses, has_groups, [&](Worker& worker, std::size_t first, std::size_t end) {
       place(poses, first, end, limit, false, worker.screen);
       if (has_groups) return measure_groups(poses, first, limit, worker, put);
       for (std::size_t i = first; i < end; ++i) {
@@ -55,7 +55,7 @@ class ClearanceBatchCpu final : public ClearanceBatch {
 
   Status any(const ScenePoses& poses, double margin, std::uint8_t* hits) override {
     std::fill_n(hits, num_groups_of(poses), std::uint8_t{0});
-    for_screens(poses, [&](Worker& worker, std::size_t first, std::size_t end) {
+    for_screens(poses, false, [&](Worker& worker, std::size_t first, std::size_t end) {
       place(poses, first, end, margin, true, worker.screen);
       const auto is_hit = [&](int number) {
         const std::size_t i = first + static_cast<std::size_t>(number);
@@ -80,14 +80,14 @@ class ClearanceBatchCpu final : public ClearanceBatch {
     std::vector<ClearanceHit> each;
   };
 
-  /// Calls work(worker, first, end) for all poses, as many as a screen takes. Poses of one group
-  /// that follow each other are begun with the first of them and stay together, so that what is
-  /// told of them depends on them alone.
+  /// Calls work(worker, first, end) for all poses, as many as a screen takes. If groups are kept,
+  /// poses of one group that follow each other are begun with the first of them and stay together,
+  /// so that what is told of them depends on them alone.
   template <class Work>
-  void for_screens(const ScenePoses& poses, const Work& work) {
+  void for_screens(const ScenePoses& poses, bool keeps_groups, const Work& work) {
     const std::size_t num = poses.X_WT.size();
     const auto is_start = [&](std::size_t i) {
-      return i == 0 || i == num || group_of(poses, i) != group_of(poses, i - 1);
+      return !keeps_groups || i == 0 || i == num || group_of(poses, i) != group_of(poses, i - 1);
     };
     for_some_poses(pool_, num, [&](std::size_t thread, std::size_t first, std::size_t end) {
       while (first < end && !is_start(first)) ++first;  // those before are another's

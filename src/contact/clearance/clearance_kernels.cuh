@@ -12,6 +12,8 @@
 namespace palpate { inline namespace v0 { namespace {
 
 constexpr int kWarps = 4;  // of a block
+/// Clearance of a pose that is known to be below the margin, m.
+constexpr double kBelowAll = -1e300;
 
 struct ToolOnGpu {
   ClusterView clusters;
@@ -80,7 +82,7 @@ __global__ void refine_poses(const __grid_constant__ Question question) {
   } else {
     const bool is_hit =
         is_hit_within(question.cameras, of.tool, hit, question.search(of, X), X, question.limit);
-    found.value = is_hit ? question.limit - 1 : question.limit;
+    found.value = is_hit ? kBelowAll : question.limit;
   }
   question.found[pose] = found;
 }

@@ -197,7 +197,7 @@ __global__ void refine_links(const __grid_constant__ TreeJob job) {
     if (!(at.hit.value <= lowest + 2 * change)) continue;
     const Pose& X = job.pose(at.link, i);
     const ClearanceTool& tool = of.tools[at.link].tool;
-    Clearance found{of.limit - 1};
+    Clearance found{kBelowAll};
     if (of.is_margin == 0) {
       found = clearance_of(of.cameras, tool, at.hit, X, of.limit);
     } else if (!is_hit_within(of.cameras, tool, at.hit, margin, X, of.limit)) {
@@ -326,10 +326,12 @@ class TreeOnGpu {
         to = desired == nullptr ? nullptr : is_staged ? staged : desired + each * first;
       });
       launch(job, stream);
-      if (!is_staged) continue;
-      for_answers(answers, job.out, [&](auto* to, auto* from, std::size_t each, auto*&) {
-        if (to != nullptr) stream.copy(to + each * first, from, each * num * sizeof *to);
-      });
+      if (is_staged) {
+        for_answers(answers, job.out, [&](auto* to, auto* from, std::size_t each, auto*&) {
+          if (to != nullptr) stream.copy(to + each * first, from, each * num * sizeof *to);
+        });
+      }
+      if (!stream.wait(60)) return {};
     }
     unsigned long long refused = kNoneRefused;
     stream.copy(&refused, job.refused, sizeof refused);

@@ -41,6 +41,7 @@ class Files {
   private readonly object = element('select');
   private shown = 'none'; // object of the run
   private cancel = () => {};
+  private turn = 0; // number of the file that was given last
 
   constructor(private readonly wasm: ArrayBuffer, private readonly wire: WorkerWire, private readonly page: Page) {
     const label = element('label', 'try-open', 'your own mesh or depth image');
@@ -92,13 +93,15 @@ class Files {
 
   async take(file: File | undefined, role?: Role): Promise<void> {
     if (!file) return;
-    this.cancel();
+    const turn = ++this.turn; // another file takes over
     this.input.value = '';
     try {
       if (file.size > LARGEST_FILE) throw new Error(`${file.name} has ${Math.round(file.size / 2 ** 20)} MB, and this page takes at most 64; simplify the mesh, or use the program.`);
       const bytes = await file.arrayBuffer();
+      if (turn !== this.turn) return;
       if (/\.png$/i.test(file.name)) {
-        this.wire.order({ kind: 'image', image: await readDepthPng(file.name, new Uint8Array(bytes)) });
+        const image = await readDepthPng(file.name, new Uint8Array(bytes));
+        this.wire.order({ kind: 'image', image });
         this.say('');
       } else if (/\.(stl|glb|gltf|palp)$/i.test(file.name)) {
         await this.takeMesh(file.name, bytes, role);
@@ -111,9 +114,12 @@ class Files {
   }
 
   private async takeMesh(name: string, bytes: ArrayBuffer, given?: Role): Promise<void> {
-    const isTool = /\.palp$/i.test(name);
+    const isTool = /\.palp$/i.test(name), { turn } = this;
+    this.cancel();
     this.say(`Reading ${name}`);
-    const mesh = isTool ? null : await readMesh(name, bytes), role = given ?? await this.requestRole(name);
+    const mesh = isTool ? null : await readMesh(name, bytes);
+    if (turn !== this.turn) return;
+    const role = given ?? await this.requestRole(name);
     const packed = role && (mesh ? await this.pack(name, mesh, ROLES[role]) : new Uint8Array(bytes));
     if (role && packed) this.wire.order({ kind: role, name, bytes: packed });
     this.say(packed ? '' : `${name} is not used: cancelled.`);

@@ -45,11 +45,11 @@ function restingPose(shape: Tool, { image, camera, tool, X_WT }: Surroundings): 
   const X_WC = Array.from(image.X_WC), q_CW = conjugate(X_WC.slice(3));
   const toCamera = (p_W: Numbers) => rotated(q_CW, p_W.map((x, i) => x - X_WC[i]));
   const balls = tool.spheres(), center = shape.info.center_of_mass, { vertices } = shape.mesh();
-  let aside = 0, back = 0; // of the object from its center: across the line of sight, and along it
+  let aside = 0, back = 0, front = 0; // of the object from its center: across the line of sight, along it and against it
   for (let i = 0; i < vertices.length; i += 3) {
     const [x, y, z] = rotated(FACING, [0, 1, 2].map((k) => vertices[i + k] - center[k]));
     aside = Math.max(aside, Math.hypot(x, y));
-    back = Math.max(back, z);
+    [back, front] = [Math.max(back, z), Math.max(front, -z)];
   }
   const spheres: Numbers[] = []; // x y z r of the tool's, in C
   for (let i = 0; i < balls.length; i += 4) spheres.push([...toCamera(composed(X_WT, Array.from(balls.subarray(i, i + 3)))), balls[i + 3]]);
@@ -60,7 +60,9 @@ function restingPose(shape: Tool, { image, camera, tool, X_WT }: Surroundings): 
       const u = Math.round((column * camera.width) / STEPS), v = Math.round((row * camera.height) / STEPS);
       const depth = nearestDepth(image, camera, u, v, aside);
       if (depth === null) continue;
-      const z = depth - back, p = [((u - camera.cx) / camera.fx) * z, ((v - camera.cy) / camera.fy) * z, z];
+      const z = depth - back;
+      if (z <= front) continue; // in the camera
+      const p = [((u - camera.cx) / camera.fx) * z, ((v - camera.cy) / camera.fy) * z, z];
       const distance = (q: Numbers) => Math.hypot(p[0] - q[0], p[1] - q[1], p[2] - q[2]);
       if (distance(tip) >= least || spheres.some((q) => distance(q) < q[3] + shape.info.radius + FREE)) continue;
       [best, least] = [p, distance(tip)];
@@ -86,5 +88,10 @@ export function placeObject(palpate: Palpate, settings: Record<string, Value>, g
   if (!isGiven && !SHAPES.includes(name)) throw new Error(`There is no object ${name}; give ${SHAPES.join(', ')}, or open a file as an object.`);
   if (name === 'none') return null;
   const shape = isGiven ? palpate.loadTool(given.bytes) : palpate.packShape(name, 0.5 * around.tool.info.radius, `packing.spheres = ${SPHERES}`);
-  return new PlacedObject(shape, restingPose(shape, around), Array.from(around.image.X_WC).slice(3));
+  try {
+    return new PlacedObject(shape, restingPose(shape, around), Array.from(around.image.X_WC).slice(3));
+  } catch (error) {
+    shape.free();
+    throw error;
+  }
 }

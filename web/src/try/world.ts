@@ -48,7 +48,7 @@ export class World {
   private title = '';
 
   private time = 0; // s, of the last tick
-  private isHeld = false;
+  private isHeld = false; private isSilent = false; // let go, since no pose came
   private heldTime = 0; // ms, of the last pose of the page
   private nextFrame = 0; // s
   private isFrameDue = false; // one was pushed
@@ -119,17 +119,16 @@ export class World {
     this.sensor = palpate.sensor(this.camera);
     this.takeFrame();
     this.takeFrame();
-    this.makeScene();
+    this.makeScene(this.start());
     this.makeHand(this.start());
-    this.isHeld = false;
-    this.last = null;
+    [this.isHeld, this.last] = [false, null];
     this.samples = [];
     this.longestDelay = this.bursts = this.contacts = 0;
   }
 
   /** Joins what the camera sees and the object, which rests on it. A room that moves has none. */
-  private makeScene(): void {
-    const { palpate, settings, tool, camera } = this, around = { image: this.images[0], camera, tool, X_WT: this.start() };
+  private makeScene(X_WT: number[]): void {
+    const { palpate, settings, tool, camera } = this, around = { image: this.images[0], camera, tool, X_WT };
     this.object = this.given?.camera ? null : placeObject(palpate, settings, this.givenObject, around);
     this.scene = palpate.scene();
     this.scene.addSensor(this.sensor);
@@ -139,9 +138,13 @@ export class World {
 
   /** Puts another object into the scene, or none. The tool stays where it is, and is let go. */
   private makeObject(): void {
-    this.makeScene();
+    this.makeScene(this.X_WT);
     this.makeHand(this.X_WT);
     this.isHeld = false;
+  }
+
+  private moveObject(): void {
+    if (this.object) this.scene.moveBody(0, this.object.pose(this.settings));
   }
 
   /** Puts the tool somewhere: a new hand holds it there, and feels nothing before it has been free. */
@@ -195,7 +198,7 @@ export class World {
     if (typeof message.ack === 'number') {
       this.acknowledged = message.ack;
     } else if (Array.isArray(message.hand)) {
-      if (!this.isHeld) return this.out.text({ type: 'answer', id: null, ok: false, error: 'The tool was let go: the page sent no pose for a while.' });
+      if (!this.isHeld) return this.isSilent ? this.out.text({ type: 'answer', id: null, ok: false, error: 'The tool was let go: the page sent no pose for a while.' }) : undefined;
       this.heldTime = performance.now();
       this.follower.move(message.hand as number[]);
     } else {
@@ -219,8 +222,7 @@ export class World {
       case 'set': return { value: this.set(String(message.key), message.value as Value) };
       case 'hold':
         if (Array.isArray(message.at)) this.build(() => this.makeHand(message.at as number[]));
-        this.isHeld = true;
-        this.heldTime = performance.now();
+        [this.isHeld, this.isSilent, this.heldTime] = [true, false, performance.now()];
         this.follower.grip();
         this.out.text(this.state());
         return {};
@@ -230,8 +232,8 @@ export class World {
     }
   }
 
-  private release(): void {
-    this.isHeld = false;
+  private release(isSilent = false): void {
+    [this.isHeld, this.isSilent] = [false, isSilent];
     this.follower.stop();
     this.out.text(this.state());
   }
@@ -250,8 +252,7 @@ export class World {
       } else if (key === 'objects.shape') {
         this.rebuild(() => this.makeObject());
       } else if (key.startsWith('objects.')) {
-        if (this.object) this.scene.moveBody(0, this.object.pose(this.settings));
-        this.build(() => this.makeHand(this.X_WT));
+        if (this.object) this.build(() => { this.moveObject(); this.makeHand(this.X_WT); });
       } else {
         if (key === 'scene.name') this.given = this.ownImage = null;
         this.rebuild();
@@ -259,6 +260,7 @@ export class World {
     } catch (error) {
       this.settings[key] = before;
       Object.assign(this, { given, ownImage });
+      this.moveObject();
       throw error;
     }
     ++this.revision;
@@ -334,7 +336,7 @@ export class World {
     if (due > LONG_DELAY) this.pictures.areTooMany = true;
     this.late += Math.min(num, Math.max(0, due - missed - MOST_TICKS));
     const begin = performance.now();
-    if (this.isHeld && begin - this.heldTime > SILENCE) this.release();
+    if (this.isHeld && begin - this.heldTime > SILENCE) this.release(true);
     for (let k = 0; k < num; ++k) this.tick(k === 0);
     this.perTick = (performance.now() - begin) / num;
     const hasCaughtUp = num === due - missed, isFrameDue = this.isFrameDue || (this.images.length > 1 && this.time >= this.nextFrame);

@@ -1,0 +1,104 @@
+"""palpate.torch with surfaces on a GPU, against the same in host memory, which gradcheck has checked."""
+
+import numpy as np
+import pytest
+from test_gpu import Torch, on_cpu, scene  # noqa: F401
+
+import palpate
+
+torch = pytest.importorskip("torch", reason="PyTorch is not installed")
+
+from palpate.torch import penetration, wrench  # noqa: E402
+
+
+@pytest.fixture
+def felt(cube, scene):
+    torch = Torch().torch
+    camera, images, poses, _ = scene
+    on_gpu = palpate.Sensor(camera, place="cuda").update(images[0])
+    stretched = poses.copy()
+    stretched[:, 3:] *= 1.3  # quaternions of any length
+    return torch, palpate.Sensor(camera).update_batch(images[:1]), on_gpu, torch.from_numpy(stretched)
+
+
+def assert_close(there, here, name, tolerance=1e-4):
+    assert there.device.type == "cuda"
+    error = (there.cpu() - here).abs().max() / here.abs().max()
+    assert error < tolerance, f"{name}: {error}"
+
+
+@pytest.mark.parametrize("second", [False, True])
+def test_are_those_of_the_cpu(cube, felt, second):
+    torch, on_cpu, on_gpu, numbers = felt
+
+    def derivatives(surface, poses):
+        poses = poses.detach().requires_grad_()
+        volume, potential = penetration(cube, surface, poses, second=second)
+        (gradient,) = torch.autograd.grad(potential.sum(), poses, create_graph=True)
+        direction = torch.ones_like(poses) * torch.tensor([1, 1, 1, .01, .02, .03, .04]).to(poses)
+        (twice,) = torch.autograd.grad((gradient * direction).sum(), poses)
+        force = wrench(cube, surface, poses)
+        (by_wrench,) = torch.autograd.grad(force[:, :3].sum() + force[:, 3:].sum() * 100, poses)
+        return {"volume": volume, "potential": potential, "gradient": gradient, "twice": twice, "wrench": force,
+                "by wrench": by_wrench}
+
+    here, there = derivatives(on_cpu, numbers), derivatives(on_gpu, numbers.cuda())
+    for name, expected in here.items():
+        assert_close(there[name].detach(), expected.detach(), name)
+    assert not there["volume"].requires_grad
+
+
+def test_many_surfaces(cube, scene, felt):
+    torch = felt[0]
+    camera, images, poses, which = scene
+    fields = palpate.Sensor(camera, place="cuda").update_batch(images)
+    given = torch.from_numpy(poses).cuda().requires_grad_()
+    potential = penetration(cube, fields, given, surface_of_pose=torch.from_numpy(which).cuda()).potential
+    (gradient,) = torch.autograd.grad(potential.sum(), given)
+    expected = on_cpu(cube, scene)
+    assert_close(potential.detach(), torch.from_numpy(np.array(expected.potential)), "potential")
+    assert_close(gradient[:, :3], torch.from_numpy(-np.array(expected.force)), "gradient")
+
+
+def test_captured_in_a_graph(cube, felt):
+    torch, _, on_gpu, numbers = felt
+    poses = numbers.cuda().requires_grad_()
+
+    def step():
+        (gradient,) = torch.autograd.grad(penetration(cube, on_gpu, poses).potential.sum(), poses)
+        return gradient
+
+    side = torch.cuda.Stream()
+    with torch.cuda.stream(side):
+        expected = step().clone()
+    side.synchronize()
+    graph = torch.cuda.CUDAGraph()
+    with torch.cuda.graph(graph, stream=side):
+        gradient = step()
+    with torch.no_grad():
+        poses[:, 2] -= 0.3  # in front of everything
+    graph.replay()
+    torch.cuda.synchronize()
+    assert gradient.abs().max() < expected.abs().max() / 100
+    with torch.no_grad():
+        poses.copy_(numbers)
+    graph.replay()
+    torch.cuda.synchronize()
+    assert torch.equal(gradient, expected)
+
+
+def test_poses_that_are_none_give_zero(cube, felt):
+    torch, _, on_gpu, numbers = felt
+    poses = numbers[:4].cuda()
+    poses[1, 3], poses[2, 3:] = float("nan"), 0
+    poses.requires_grad_()
+    potential = penetration(cube, on_gpu, poses).potential
+    (gradient,) = torch.autograd.grad(potential.sum(), poses, create_graph=True)
+    (twice,) = torch.autograd.grad(gradient.sum(), poses)
+    for each in (potential, gradient, twice):
+        assert each.isfinite().all() and not each[1:3].any()
+
+
+def test_matrices_are_refused(cube, felt):
+    with pytest.raises(ValueError, match=r"surfaces on a GPU take \(P, 7\)"):
+        penetration(cube, felt[2], felt[0].eye(4, dtype=felt[0].float64)[None].cuda())
