@@ -49,7 +49,8 @@ grep -q load_tool $out/doxygen/html/namespacepalpate.html
 if [ -f build/web/try/try.html ]; then
   mkdir -p $out/pages/try
   cp build/web/try/try.html $out/pages/try/index.html
-  sed -i '0,/^## /s##[**Try it**: touch a depth image in this browser](try/index.html){.md-button .md-button--primary}\n\n## #' $out/pages/index.md
+  # Below the first paragraph.
+  sed -i '0,/^!\[/s##[**Try it now**: touch a depth image in this browser, nothing to install](try/index.html){.md-button .md-button--primary}\n\n![#' $out/pages/index.md
   # Below a picture, what is in it can be felt: <!-- feel: settings of the page's address -->
   sed -i -E 's#^<!-- feel: (.*) -->$#[Feel this in your browser](try/index.html?\1)#' $out/pages/*.md
   sed -i -E 's#^<!-- feel: (.*) -->$#[Feel this in your browser](../try/index.html?\1)#' $out/pages/guide/*.md

@@ -48,6 +48,7 @@ async function make() {
 /// Opens a report and waits until it is drawn.
 async function openReport(where, how = {}) {
   const page = await openPage(address(...where), { width: 1200, height: 900, ...how });
+  await page.waitForFunction(() => window.palpate?.governor); // the page may still be read
   await page.evaluate(() => { window.palpate.governor.enabled = false; }); // pictures are compared
   await until('a footer', () => page.locator('footer').count());
   // A plot is drawn when a reader comes near it.

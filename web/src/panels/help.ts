@@ -37,7 +37,10 @@ export class Help {
       element('tr', '', element('th', '', ...keys.split(' ').map((key) => element('kbd', '', key))), element('td', '', does)));
     const close = button('round', 'close', () => this.root.close(), icon('close'));
     this.root.append(
-      element('h2', '', 'Looking around', close),
+      element('h2', '', 'Feeling', close),
+      element('p', '', 'Hold the tool, or touch it and drag it to what is seen; Push moves it away from you. Where it meets something, ' +
+        'the force in newtons appears.'),
+      element('h2', '', 'Looking around'),
       element('p', '', isTouch() ? 'Drag with one finger to turn, pinch to zoom, drag with two fingers to move. The buttons below ' +
         'open the plots, the camera image and the controls, which also choose the view and what is shown.' :
         'Drag to turn, scroll or pinch to zoom, drag with the right button or two fingers to move.'),

@@ -53,7 +53,7 @@ export class Readouts {
       row('Force', this.force, 'N', 'main'),
       row('Torque', this.torque, 'N mm'),
       row('Volume', this.volume, 'cm³'),
-      row('of the tool', this.share, '%'),
+      row('inside', this.share, '%'),
       ...(hello.objects > 0 ? [row('of it in objects', this.inObjects, '%')] : []),
       row('Contact age', this.age, 'ms', 'extra'),
     );

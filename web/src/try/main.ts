@@ -41,20 +41,28 @@ class Files {
   private readonly object = element('select');
   private shown = 'none'; // object of the run
   private cancel = () => {};
+  private begun = ''; // said when the next run is there
   private turn = 0; // number of the file that was given last
 
   constructor(private readonly wasm: ArrayBuffer, private readonly wire: WorkerWire, private readonly page: Page) {
-    const label = element('label', 'try-open', 'your own mesh or depth image');
+    const label = element('label', 'try-open', 'Open a file …');
     this.input.type = 'file';
     this.input.accept = '.stl,.glb,.gltf,.png,.palp';
     this.input.setAttribute('aria-label', 'open your own STL, glTF, .palp or 16-bit PNG');
+    label.title = 'STL, glTF or depth PNG; it stays in this browser';
     this.input.onchange = () => void this.take(this.input.files?.[0]);
     label.append(this.input);
     this.line.setAttribute('role', 'status');
     this.object.setAttribute('aria-label', 'object in the scene');
     this.object.title = 'a CAD object beside what the camera sees';
-    this.object.onchange = () => void this.page.command({ command: 'set', key: 'objects.shape', value: this.object.value })
-      .then(({ ok }) => { if (!ok) this.object.value = this.shown; });
+    this.object.onchange = () => {
+      this.say('Another object is made');
+      void this.page.command({ command: 'set', key: 'objects.shape', value: this.object.value })
+        .then(({ ok }) => {
+          this.say('');
+          if (!ok) this.object.value = this.shown;
+        });
+    };
     document.body.append(element('div', 'try-files', element('div', 'try-talk', this.line, this.answers), label,
       element('label', 'try-object', 'object', this.object), licenses()));
     addEventListener('dragover', (event) => event.preventDefault());
@@ -73,6 +81,8 @@ class Files {
     const control = hello.controls.find(({ key }) => key === 'objects.shape');
     this.object.replaceChildren(...(control?.choices ?? []).map((name) => element('option', '', name)));
     this.object.value = this.shown = String(control?.value);
+    if (this.begun) this.say(this.begun);
+    this.begun = '';
   }
 
   /** Offers answers beside the line, each of which does something. */
@@ -83,7 +93,7 @@ class Files {
 
   /** Requests from the reader what a mesh becomes; null: nothing. */
   private async requestRole(name: string): Promise<Role | null> {
-    this.say(`${name} becomes`);
+    this.say(`Use ${name} as`);
     return new Promise<Role | null>((resolve) => {
       this.cancel = () => resolve(null);
       this.offer({ 'the tool': () => resolve('tool'), 'an object': () => resolve('object'), cancel: this.cancel });
@@ -122,7 +132,8 @@ class Files {
     const role = given ?? await this.requestRole(name);
     const packed = role && (mesh ? await this.pack(name, mesh, ROLES[role]) : new Uint8Array(bytes));
     if (role && packed) this.wire.order({ kind: role, name, bytes: packed });
-    this.say(packed ? '' : `${name} is not used: cancelled.`);
+    this.begun = packed ? `${name} is the ${role}.` : '';
+    this.say(packed ? `${name} is put into the scene` : `${name} is not used: cancelled.`);
   }
 
   private async pack(name: string, mesh: GivenMesh, spheres: number): Promise<Uint8Array | null> {

@@ -19,7 +19,7 @@ const LONG_DELAY = 50;     // ticks: drawing, by software perhaps, takes the pro
 const LONGEST_PAUSE = 100; // ms, of pictures
 const QUICK = 0.35; // ms, a query that every tick can pay
 const FRAME_SECONDS = 0.1;
-const SILENCE = 300; // ms without a pose: nobody holds the tool
+const SILENCE = 2000; // ms without a pose: nobody holds the tool; a busy phone draws slowly, and there is no motor
 const KEPT_SAMPLES = 4000;
 const STATES = ['waiting', 'engaged', 'fading', 'off', 'held_off', 'ended'];
 const WIDTH = 320, HEIGHT = 240;
@@ -108,7 +108,7 @@ export class World {
     } else {
       this.camera = info.camera;
       this.images = [0, 1].map(() => ({ ...this.simulation.next(), width: WIDTH, height: HEIGHT, unit: info.unit }));
-      this.title = info.title;
+      this.title = name === 'hand' ? 'A pen and a hand' : info.title;
     }
     const whole = this.givenTool ? palpate.loadTool(this.givenTool) : null;
     this.tool = whole ?? palpate.packShape(name === 'hand' ? 'stylus' : info.tool_shape, name === 'hand' ? 0.12 : info.tool_size, `packing.spheres = ${spheres}`);
