@@ -1,5 +1,5 @@
-// The CAD object of a run in a page: its shape, and a place for it. It rests on what the camera sees, as near to the tip of the tool as
-// leaves the tool free, and is seen as a whole. So a push beside the tip meets it, and its volume is nowhere behind the surface.
+// The CAD object of a run in a page: its shape, and a place for it. It rests on what the camera sees, as near to where the tip of the tool
+// begins as leaves it free, and is seen as a whole. So a push beside the tip meets it, and its volume is nowhere behind the surface.
 import type { Camera, Palpate, Tool } from '../../core/palpate';
 import { composed, conjugate, product, rotated } from './motion';
 import type { Numbers } from './motion';

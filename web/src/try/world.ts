@@ -119,7 +119,7 @@ export class World {
     this.sensor = palpate.sensor(this.camera);
     this.takeFrame();
     this.takeFrame();
-    this.makeScene(this.start());
+    this.makeScene();
     this.makeHand(this.start());
     [this.isHeld, this.last] = [false, null];
     this.samples = [];
@@ -127,8 +127,8 @@ export class World {
   }
 
   /** Joins what the camera sees and the object, which rests on it. A room that moves has none. */
-  private makeScene(X_WT: number[]): void {
-    const { palpate, settings, tool, camera } = this, around = { image: this.images[0], camera, tool, X_WT };
+  private makeScene(): void {
+    const { palpate, settings, tool, camera } = this, around = { image: this.images[0], camera, tool, X_WT: this.start() };
     this.object = this.given?.camera ? null : placeObject(palpate, settings, this.givenObject, around);
     this.scene = palpate.scene();
     this.scene.addSensor(this.sensor);
@@ -138,7 +138,7 @@ export class World {
 
   /** Puts another object into the scene, or none. The tool stays where it is, and is let go. */
   private makeObject(): void {
-    this.makeScene(this.X_WT);
+    this.makeScene();
     this.makeHand(this.X_WT);
     this.isHeld = false;
   }
@@ -198,7 +198,7 @@ export class World {
     if (typeof message.ack === 'number') {
       this.acknowledged = message.ack;
     } else if (Array.isArray(message.hand)) {
-      if (!this.isHeld) return this.isSilent ? this.out.text({ type: 'answer', id: null, ok: false, error: 'The tool was let go: the page sent no pose for a while.' }) : undefined;
+      if (!this.isHeld) return this.out.text({ type: 'answer', id: null, ok: false, error: this.isSilent ? 'The tool was let go: the page sent no pose for a while.' : 'The tool is held anew: the scene has changed.' });
       this.heldTime = performance.now();
       this.follower.move(message.hand as number[]);
     } else {
