@@ -154,5 +154,35 @@ TEST(RobotLinks, Are_as_clear_as_every_pixel_says_together_and_apart) {
   EXPECT_GT(num_far + num_deep, 4);
 }
 
+TEST(RobotLinks, Are_placed_by_a_base_whose_quaternion_has_any_length) {
+  test::Random random(7);
+  const Robot robot = chain();
+  const std::size_t n = robot.joints().size();
+  constexpr std::size_t kNum = 5;
+  const std::vector<double> joints = random_joints(robot, random, kNum);
+  const test::HullScene seen = test::rough_scene(1, {}, random);
+  const Scene scene{.surfaces = {seen.views[0].to}};
+  const RobotContact contact = RobotContact::create(robot, Place::cpu(), 1).value();
+  const Pose X_WB{{-0.3, 0.1, 0.3}, random.rotation(0.5)};
+  Pose longer = X_WB;
+  longer.rotation = {2 * X_WB.rotation.x, 2 * X_WB.rotation.y, 2 * X_WB.rotation.z,
+                     2 * X_WB.rotation.w};
+  std::vector<double> clearance(kNum), again(kNum);
+  RobotAnswers to;
+  to.clearance = clearance.data();
+  ASSERT_TRUE(contact.measure(scene, {joints, X_WB}, to));
+  to.clearance = again.data();
+  ASSERT_TRUE(contact.measure(scene, {joints, longer}, to));
+  std::vector<Pose> X_WL(kNumLinks), by_longer(kNumLinks);
+  for (std::size_t i = 0; i < kNum; ++i) {
+    EXPECT_NEAR(again[i], clearance[i], 1e-6);
+    ASSERT_TRUE(robot.place(std::span(joints).subspan(i * n, n), X_WB, X_WL));
+    ASSERT_TRUE(robot.place(std::span(joints).subspan(i * n, n), longer, by_longer));
+    for (std::size_t l = 0; l < kNumLinks; ++l) {
+      EXPECT_LT(norm(by_longer[l].translation - X_WL[l].translation), 1e-12);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace palpate
