@@ -105,6 +105,9 @@ install_node() {
   chmod +x build/node/bin/node build/node/bin/npm
 }
 
+# Nothing is compiled ahead: Python compiles what it loads.
+export PIP_COMPILE=0 PIP_DISABLE_PIP_VERSION_CHECK=1
+
 # Python packages go into a folder of the build: Debian keeps pip away from the system's Python.
 python_packages=(mcap mcap-ros2-support rosbags cyclonedds)
 # Hashes types of ROS 2 without zenoh, which it asks for.
@@ -143,6 +146,7 @@ install_simulators() {
   done
 }
 install_wheel_tools() {
+  case "$groups" in *" wheel "* | *" test "* | *" robot "* | *" simulators "*) ;; *) return 0 ;; esac
   local tools=build/wheel-tools/bin/python
   if ! "$tools" -c "import scikit_build_core, nanobind, nanobind_backend, auditwheel" 2>/dev/null; then
     echo "setup: installing ${wheel_tools[*]} into build/wheel-tools"
@@ -162,7 +166,6 @@ install_wheel_tools() {
   fi
 }
 install_python_packages() {
-  case "$groups" in *" wheel "* | *" test "* | *" robot "* | *" simulators "*) install_wheel_tools ;; esac
   case "$groups" in *" test "*) ;; *) return 0 ;; esac
   local python=build/python/bin/python
   if ! "$python" -c "import mcap, mcap_ros2, rosbags, cyclonedds" 2>/dev/null; then
@@ -251,13 +254,20 @@ install_web_packages() {
   fi
 }
 
+# Installs what apt does not: each folder beside the others, since most of it is waiting.
+install_folders() {
+  local job jobs=()
+  for job in install_node install_wheel_tools install_python_packages install_peer_packages install_file_packages; do
+    $job &
+    jobs+=($!)
+  done
+  for job in "${jobs[@]}"; do wait "$job"; done
+  install_web_packages  # by npm of the first
+}
+
 if [ ${#missing[@]} -eq 0 ]; then
   echo "setup: all ${#wanted[@]} packages are installed"
-  install_node
-  install_python_packages
-  install_peer_packages
-  install_file_packages
-  install_web_packages
+  install_folders
   exit 0
 fi
 
@@ -299,9 +309,5 @@ if ! install_missing; then
     exit 1
   fi
 fi
-install_node
-install_python_packages
-install_peer_packages
-install_file_packages
-install_web_packages
+install_folders
 echo "setup: done"

@@ -10,7 +10,16 @@ clean=build/wheel-clean
 wheels=build/wheelhouse
 unset PYTHONPATH
 
-install_from_wheels() { "$clean/bin/python" -m pip install -q --no-index --find-links "$wheels" "$@"; }
+install_from_wheels() { "$clean/bin/python" -m pip install -q --no-compile --no-index --find-links "$wheels" "$@"; }
+# Installs packages one by one, of which there need not be a wheel.
+install_if_there() {
+  local package name
+  for package in "$@"; do
+    name=${package%%[[=]*}
+    compgen -G "$wheels/${name//-/_}-*" >/dev/null || continue
+    install_from_wheels "$package" 2>/dev/null || true
+  done
+}
 is_there() { "$clean/bin/python" -c "import $1" 2>/dev/null; }
 
 case "${1:-}" in
@@ -45,8 +54,8 @@ PYTHON
       fi
     done
     install_from_wheels pytest mypy pandas matplotlib pyarrow foxglove-sdk mcap-protobuf-support
-    for large in zarr torch "ray[data]" rerun-sdk pin quadprog ompl example-robot-data; do install_from_wheels "$large" 2>/dev/null || true; done
-    for pinned in $(grep -v '^#' examples/simulators/requirements.txt); do install_from_wheels "$pinned" 2>/dev/null || true; done
+    # shellcheck disable=SC2046
+    install_if_there zarr torch "ray[data]" rerun-sdk pin quadprog ompl example-robot-data $(grep -v '^#' examples/simulators/requirements.txt)
     ;;
   *) [ -x "$clean/bin/pytest" ] || { echo "skipped: the wheel is not installed in $clean"; exit 77; } ;;&
   test)
