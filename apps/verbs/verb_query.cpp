@@ -31,8 +31,9 @@
 namespace palpate::apps {
 namespace {
 
-/// Tools of so many spheres are measured by whole clusters deep inside.
-constexpr std::size_t kManySpheres = 4000;
+/// Number of spheres from which a tool is measured by whole clusters deep inside: 127 full ones of
+/// 32 and one more.
+constexpr std::size_t kManySpheres = 127 * 32 + 1;
 
 struct ChosenQuery {
   Backend backend = Backend::cpu;
@@ -224,7 +225,7 @@ Status run(const QueryOptions& given) {
   if (!note.empty()) print_note(note);
   if (options.std && tool->spheres().size() >= kManySpheres && largest > 0.5 * tool_volume) {
     print_note(
-        "the tool lies deep inside, where the deviation of the force of 4000 spheres and more is "
+        "the tool lies deep inside, where the deviation of the force of more than 4000 spheres is "
         "up to four times too large; with --spheres 2000 it is not");
   }
   if (options.json) {

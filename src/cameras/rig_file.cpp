@@ -232,6 +232,17 @@ class Reader {
   std::set<std::string> names_;
 };
 
+/// Takes the pose out of a URI: a rig has it once, here or there.
+std::string without_pose(std::string uri) {
+  for (std::size_t at = uri.find('?'); at != uri.npos; at = uri.find('&', at + 1)) {
+    const std::size_t begin = at + 1;
+    if (uri.compare(begin, 5, "pose=") != 0) continue;
+    const std::size_t end = std::min(uri.find('&', begin), uri.size());
+    return uri.erase(end < uri.size() ? begin : at, end - begin + 1);
+  }
+  return uri;
+}
+
 }  // namespace
 
 Result<CameraRig> load_rig(const fs::path& path) {
@@ -257,6 +268,7 @@ Result<std::string> rig_text_with_poses(const fs::path& path, const std::vector<
     if (!X_WH) return X_WH.error();
     const auto [p, q] = inverse(X_WH->value_or(Pose{})) * X_WC[i];
     toml::table& camera = *(*cameras)[i].as_table();
+    camera.insert_or_assign("uri", without_pose(camera["uri"].value_or(std::string())));
     camera.insert_or_assign("pose", toml::array{p.x, p.y, p.z, q.x, q.y, q.z, q.w});
   }
   std::ostringstream text;

@@ -10,8 +10,10 @@
 namespace palpate { inline namespace v0 { namespace gpu {
 
 void* Memory::take_bytes(std::size_t num_bytes, bool pinned) {
-  if (!status_) return nullptr;
-  void* const data = std::calloc(num_bytes + 1, 1);
+  constexpr std::size_t kAlignment = 256;  // bytes, as on a GPU
+  void* data = nullptr;
+  if (!status_ || posix_memalign(&data, kAlignment, num_bytes + 1) != 0) return nullptr;
+  std::memset(data, 0, num_bytes + 1);
   blocks_.push_back({data, pinned});
   return data;
 }

@@ -187,6 +187,23 @@ TEST_F(RigFile, NamesFilesInAnyLanguage) {
   }
 }
 
+TEST_F(RigFile, APoseInAUriGivesWayToTheOneThatIsWritten) {
+  write(path_,
+        "[[camera]]\nuri = \"scene:wall?pose=9,0,0,0,0,0,1\"\n"
+        "[[camera]]\nuri = \"scene:hand?pose=9,0,0,0,0,0,1&rate=20\"\n"
+        "[[camera]]\nuri = \"scene:hand?rate=20&pose=9,0,0,0,0,0,1\"\n");
+  const auto text = rig_text_with_poses(path_, {Pose{{1, 2, 3}, {}}, Pose{}, Pose{{4, 5, 6}, {}}});
+  ASSERT_TRUE(text) << text.error().message;
+  write(path_, *text);
+  const auto rig = load_rig(path_);
+  ASSERT_TRUE(rig) << rig.error().message << *text;
+  EXPECT_EQ(rig->cameras[0].uri.X_WC, (Pose{{1, 2, 3}, {}}));
+  EXPECT_EQ(rig->cameras[1].uri.X_WC, Pose{});
+  EXPECT_EQ(rig->cameras[1].uri.rate, 20);
+  EXPECT_EQ(rig->cameras[2].uri.X_WC, (Pose{{4, 5, 6}, {}}));
+  EXPECT_EQ(rig->cameras[2].uri.rate, 20);
+}
+
 TEST_F(RigFile, WithAnOpenListOfParametersIsWrittenAnew) {
   write(path_, "[[camera]]\nuri = \"scene:wall?\"\n[[camera]]\nuri = \"scene:hand?rate=20&\"\n");
   const auto text = rig_text_with_poses(path_, {Pose{{1, 2, 3}, {}}, Pose{}});

@@ -260,6 +260,23 @@ TEST_F(RecordRun, SettingsFramesAndPosesSurviveTheRecording) {
   EXPECT_FALSE(*frames->next_frame(recorded));
 }
 
+TEST_F(RecordRun, AFrameThatIsNotItsCamerasIsAnError) {
+  ASSERT_TRUE(record(run()));
+  DepthStreamInfo taller = SyntheticStream(1).info();
+  taller.height += 8;
+  const std::vector<DepthStreamInfo> other{taller}, none;
+  for (const auto& streams : {other, none}) {
+    auto reader = RunReader::open(run() / kRecordingFile);
+    FrameJoiner joiner(streams);
+    std::string error;
+    for (auto message = reader->next(); *message && error.empty(); message = reader->next()) {
+      const auto joined = joiner.take((*message)->topic, (*message)->data);
+      if (!joined) error = joined.error().message;
+    }
+    EXPECT_NE(error.find("depth frame of a"), std::string::npos) << error;
+  }
+}
+
 #if !defined(PALPATE_CUDA)
 TEST_F(RecordRun, AutoSaysWhyItIsTheCpu) {
   settings_.backend = std::nullopt;

@@ -89,10 +89,15 @@ class ReadShare {
 /// Joins a frame's record with its optical flow, if it has one, and its image, which follow it.
 class FrameJoiner {
  public:
-  /// A frame, once its image is there. Errors: see read_frame and read_image.
+  /// Joins frames of cameras of these streams, which stay where they are.
+  explicit FrameJoiner(std::span<const DepthStreamInfo> streams) : streams_(streams) {}
+
+  /// A frame, once its image is there. Errors: see read_frame and read_image; a camera that the run
+  /// has not; an image of another size than its camera's.
   Result<std::optional<RecordedDepth>> take(std::string_view topic, std::string_view message);
 
  private:
+  std::span<const DepthStreamInfo> streams_;
   std::optional<FrameRecord> record_;
   std::string depth_topic_, flow_topic_;  // of its camera
   std::vector<float> flow_;

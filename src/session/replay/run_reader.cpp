@@ -148,7 +148,7 @@ Result<std::optional<RunReader::Message>> RunReader::next() {
 }
 
 Result<bool> RunReader::next_frame(RecordedDepth& frame) {
-  FrameJoiner joiner;
+  FrameJoiner joiner(setup_.streams);
   for (;;) {
     const auto message = next();
     if (!message) return message.error();
@@ -185,6 +185,10 @@ Result<std::optional<RecordedDepth>> FrameJoiner::take(std::string_view topic,
   if (topic == kFrameTopic) {
     const auto record = read_frame(message);
     if (!record) return record.error();
+    if (record->camera >= streams_.size()) {
+      return Error{Errc::bad_input,
+                   "a depth frame of a camera that the run has not; record the run again"};
+    }
     record_ = *record;
     depth_topic_ = depth_topic(record_->camera);
     flow_topic_ = flow_topic(record_->camera);
@@ -196,6 +200,11 @@ Result<std::optional<RecordedDepth>> FrameJoiner::take(std::string_view topic,
   } else if (record_ && topic == depth_topic_) {
     auto frame = read_depth_image(message, record_->unit);
     if (!frame) return Error{Errc::bad_input, frame.error().message + "; record the run again"};
+    const DepthStreamInfo& stream = streams_[record_->camera];
+    if (frame->width != stream.width || frame->height != stream.height) {
+      return Error{Errc::bad_input,
+                   "a depth frame of another size than its camera's; record the run again"};
+    }
     frame->unit = record_->unit;
     frame->timestamp = record_->source_time;
     frame->X_WC = record_->X_WC;

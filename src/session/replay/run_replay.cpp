@@ -177,7 +177,7 @@ class Repetition {
 
   std::shared_ptr<const ToolIndex> index_;
   const RunSetup& first_;
-  FrameJoiner joiner_;
+  FrameJoiner joiner_{first_.streams};
   ContactRepetition contacts_;
   TickRepetition ticks_;
   RunSettings settings_;            // the newest

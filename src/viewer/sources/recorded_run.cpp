@@ -143,7 +143,7 @@ void RunInFile::summarize(std::size_t chunk, const ChunkContent& content) {
 Result<RecordedFrame> RunInFile::read_frame(std::size_t index) {
   const IndexedFrame desired = index_->frame(index);
   const Error gone{Errc::bad_input, "a depth frame of the recording is gone; was it changed?"};
-  FrameJoiner joiner;
+  FrameJoiner joiner(index_->setup().streams);
   if (const Status found = reader_.seek(desired.place); !found) return found.error();
   for (;;) {
     const auto message = reader_.next();
@@ -157,11 +157,6 @@ Result<RecordedFrame> RunInFile::read_frame(std::size_t index) {
     }
     if (!*joined || (*joined)->record.number != desired.number) continue;
     DepthFrame& frame = (*joined)->frame;
-    const DepthStreamInfo& stream = index_->setup().streams[desired.camera];
-    if (frame.width != stream.width || frame.height != stream.height) {
-      return Error{Errc::bad_input,
-                   "a depth frame of the recording has another size than the rest"};
-    }
     return RecordedFrame{
         {desired.number, desired.capture_time - index_->start(), std::move(frame), desired.camera},
         desired.capture_time};
