@@ -40,43 +40,4 @@ struct Lanes {
   return look_at<Vectors>(grid, e.from_u + grid.cx, e.from_v + grid.cy, e.inverse_depth, radius);
 }
 
-// Values of the fields for a vector of elements.
-template <class Sample, int kFields>
-struct Answer {
-  Sample samples[kFields];
-  VecI is_touching[kFields];  // before the camera and nearer to the surface than a radius
-
-  [[gnu::always_inline]] bool is_free() const {
-    VecI any = is_touching[0];
-    for (int k = 1; k < kFields; ++k) any |= is_touching[k];
-    return mask_bits(any) == 0;
-  }
-};
-
-// Samples wider pixels, too, for deep elements.
-template <class Sample, int kFields>
-[[gnu::always_inline]] inline void query_deeper(const Grid& grid, const Pixels (&fields)[kFields],
-                                                const Lanes& e, Answer<Sample, kFields>& answer) {
-  VecF requested = e.radius;
-  for (int step = 0; step < kMaxDeepSteps; ++step) {
-    VecI is_deep[kFields], any{};
-    for (int k = 0; k < kFields; ++k) {
-      is_deep[k] =
-          answer.is_touching[k] & (first_of(answer.samples[k]).phi < -deep_limit(requested));
-      any |= is_deep[k];
-    }
-    if (mask_bits(any) == 0) break;
-    const Look look = look_of(grid, e, requested * kDeepGrowth);
-    for (int k = 0; k < kFields; ++k) {
-      if (kFields > 1 && mask_bits(is_deep[k]) == 0) continue;
-      Sample& known = answer.samples[k];
-      Sample wide = query_field<Sample>(grid, fields[k], look, e.depth, e.inverse_depth);
-      known =
-          chosen(is_deep[k],
-                 deepened(known, wide, first_of(known).phi, first_of(wide).phi, requested), known);
-    }
-    requested *= kDeepGrowth;
-  }
-}
-
 }}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

@@ -1,41 +1,47 @@
 // Elements against the depth field, compiled once per instruction set.
 #include "src/contact/field/ball_totals.h"
+#include "src/contact/field/packed_samples.h"
 #include "src/contact/field/whole_totals.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {
 
-// Elements beside each other and their samples of the fields. Each step is a short loop: then the
-// processor has several vectors in flight, where one long loop would wait for each vector's chain.
+// Vectors of elements, and their samples of the fields.
 template <class Sample, int kFields>
 struct Answers {
-  Lanes lanes[kNumVectors];
-  Answer<Sample, kFields> fields[kNumVectors];
+  static constexpr int kMost = 2 * kNumVectors;  // of two clusters
+
+  int num = 0;
+  std::size_t slots[kMost];
+  std::uint32_t near[kMost];  // bits of the fields that are sampled
+  Lanes lanes[kMost];
+  Sample samples[kFields][kMost];
+  VecI is_touching[kFields][kMost];  // before the camera and nearer to the surface than a radius
+
+  void add(std::size_t slot, std::uint32_t fields_near) {
+    slots[num] = slot;
+    near[num++] = fields_near;
+  }
 };
 
 template <class Sample, int kFields>
-[[gnu::always_inline]] inline void query_elements(const ElementRows& rows, const FieldFrame& frame,
-                                                  const Grid& grid, const Pixels (&fields)[kFields],
-                                                  std::size_t begin, int num_vectors,
-                                                  std::uint32_t near,
-                                                  Answers<Sample, kFields>& to) {
-  for (int i = 0; i < num_vectors; ++i) {
-    to.lanes[i] = aim(rows, frame, grid, begin + static_cast<std::size_t>(i * kLanes));
-  }
-  for (int i = 0; i < num_vectors; ++i) {
-    const Lanes& e = to.lanes[i];
-    const Look look = look_of(grid, e, e.radius);
-    const VecI is_before_camera = e.lz + frame.p_WC[2] > splat(kMinDepth);
-    for (int k = 0; k < kFields; ++k) {
-      Answer<Sample, kFields>& answer = to.fields[i];
-      answer.is_touching[k] = VecI{};
-      if (kFields > 1 && (near >> k & 1) == 0) continue;
-      answer.samples[k] = query_field<Sample>(grid, fields[k], look, e.depth, e.inverse_depth);
-      answer.is_touching[k] = is_before_camera & (first_of(answer.samples[k]).phi < e.radius);
+[[gnu::noinline]] void query_elements(const ElementRows& rows, const FieldFrame& frame,
+                                      const Grid& grid, const Pixels (&fields)[kFields],
+                                      Answers<Sample, kFields>& to) {
+  constexpr int kMost = Answers<Sample, kFields>::kMost;
+  for (int i = 0; i < to.num; ++i) to.lanes[i] = aim(rows, frame, grid, to.slots[i]);
+  for (int k = 0; k < kFields; ++k) {
+    VecI(&is_touching)[kMost] = to.is_touching[k];
+    for (int i = 0; i < to.num; ++i) {
+      is_touching[i] = splat(-static_cast<std::int32_t>(to.near[i] >> k & 1));
     }
-  }
-  for (int i = 0; i < num_vectors; ++i) {
-    query_deeper<Sample, kFields>(grid, fields, to.lanes[i], to.fields[i]);
+    sample_together<kMost>(grid, fields[k], to.lanes, is_touching, to.num, 1, to.samples[k]);
+    for (int i = 0; i < to.num; ++i) {
+      const Lanes& e = to.lanes[i];
+      is_touching[i] &=
+          (e.lz + frame.p_WC[2] > splat(kMinDepth)) & (first_of(to.samples[k][i]).phi < e.radius);
+    }
+    deepen_together<kMost>(grid, fields[k], to.lanes, is_touching, to.num, to.samples[k]);
   }
 }
 
@@ -44,19 +50,35 @@ template <class Sample, int kFields>
 [[gnu::always_inline]] inline SpaceCurvature<VecF> in_space(const FieldFrame& frame,
                                                             Answers<Sample, kFields>& answers,
                                                             int i, int k) {
-  const auto at = palpate::in_space(frame, answers.lanes[i], answers.fields[i].samples[k]);
+  const auto at = palpate::in_space(frame, answers.lanes[i], answers.samples[k][i]);
   return {first_of(at), second_of(at)};
 }
 
-/// Samples the fields near a cluster, by the bits of `near`. Returns the number of its vectors.
-template <class Sample, int kFields>
-[[gnu::always_inline]] inline int query_cluster(const MeasureJob& job, const Grid& grid,
-                                                const Pixels (&fields)[kFields], int cluster,
-                                                std::uint32_t near, Answers<Sample, kFields>& to) {
-  const int num_vectors = (job.clusters->num_spheres(cluster) + kLanes - 1) / kLanes;
-  query_elements<Sample, kFields>(job.elements, job.frame, grid, fields,
-                                  static_cast<std::size_t>(cluster) * kSize, num_vectors, near, to);
-  return num_vectors;
+/// Calls f(cluster, number of its first vector among the answers) after the fields near the
+/// elements of the clusters of a group were sampled, by the bits of `near`.
+template <class Sample, int kFields, class F>
+[[gnu::always_inline]] inline void for_each_near(const MeasureJob& job, const Grid& grid,
+                                                 const Pixels (&fields)[kFields], int group,
+                                                 const std::uint32_t (&near)[kNumClusters],
+                                                 Answers<Sample, kFields>& answers, const F& f) {
+  constexpr int kMost = Answers<Sample, kFields>::kMost;
+  for (int number = 0; number < kNumClusters;) {
+    int numbers[kMost], first[kMost], num = 0;
+    answers.num = 0;
+    for (; number < kNumClusters; ++number) {
+      if (near[number] == 0) continue;
+      const int cluster = group * kNumClusters + number;
+      const int num_vectors = (job.clusters->num_spheres(cluster) + kLanes - 1) / kLanes;
+      if (answers.num + num_vectors > kMost) break;
+      numbers[num] = number;
+      first[num++] = answers.num;
+      for (int i = 0; i < num_vectors; ++i) {
+        answers.add(static_cast<std::size_t>(cluster * kSize + i * kLanes), near[number]);
+      }
+    }
+    query_elements<Sample, kFields>(job.elements, job.frame, grid, fields, answers);
+    for (int i = 0; i < num; ++i) f(numbers[i], first[i]);
+  }
 }
 
 // Measures one group: the clusters that lie deep as one ball each, the others by their elements.
@@ -80,25 +102,28 @@ template <class Sample, int kFields>
   for (int k = 0; k < kFields; ++k) fields[k] = pixels_of(job.fields[k]);
   Answers<Sample, kFields> answers;
   Wholes<kWithStiffness> wholes[kFields];
-  const int num_wholes = job.first_ball >= kMinWholes ? kNumWholes : 0;
-  query_elements<Sample, kFields>(job.wholes, job.frame, grid, fields,
-                                  static_cast<std::size_t>(group) * kNumClusters, num_wholes,
-                                  (1u << kFields) - 1, answers);
-  for (int i = 0; i < num_wholes; ++i) {
-    for (int k = 0; k < kFields; ++k) {
-      wholes[k].take(job, group, i, answers.lanes[i], answers.fields[i].is_touching[k],
-                     in_space(job.frame, answers, i, k), place_of(answers.lanes[i]));
+  if (job.first_ball >= kMinWholes) {
+    const std::size_t begin = static_cast<std::size_t>(group) * kNumClusters;
+    for (int i = 0; i < kNumWholes; ++i) {
+      answers.add(begin + static_cast<std::size_t>(i * kLanes), (1u << kFields) - 1);
+    }
+    query_elements<Sample, kFields>(job.wholes, job.frame, grid, fields, answers);
+    for (int i = 0; i < kNumWholes; ++i) {
+      for (int k = 0; k < kFields; ++k) {
+        wholes[k].take(job, group, i, answers.lanes[i], answers.is_touching[k][i],
+                       in_space(job.frame, answers, i, k), place_of(answers.lanes[i]));
+      }
     }
   }
   for (int number = 0; number < kNumClusters; ++number) {
     for (int k = 0; k < kFields; ++k) {
       if (wholes[k].share(number) >= 1) near[number] &= ~(1u << k);
     }
-    if (near[number] == 0) continue;
+  }
+  for_each_near(job, grid, fields, group, near, answers, [&](int number, int first) {
     const int cluster = group * kNumClusters + number;
     const std::size_t begin = static_cast<std::size_t>(cluster) * kSize;
-    const int num_vectors =
-        query_cluster<Sample, kFields>(job, grid, fields, cluster, near[number], answers);
+    const int num_vectors = (job.clusters->num_spheres(cluster) + kLanes - 1) / kLanes;
     for (int k = 0; k < kFields; ++k) {
       if ((near[number] >> k & 1) == 0) continue;
       const float share = wholes[k].share(number);
@@ -111,11 +136,11 @@ template <class Sample, int kFields>
       if (cluster >= job.first_ball) {
         BallSamples ball;
         for (int i = 0; i < kNumVectors; ++i) {
-          const Lanes& e = ball.lanes[i] = answers.lanes[i];
-          ball.is_touching[i] = answers.fields[i].is_touching[k];
+          const Lanes& e = ball.lanes[i] = answers.lanes[first + i];
+          ball.is_touching[i] = answers.is_touching[k][first + i];
           ball.place[i] = place_of(e);
           ball.is_complete &= mask_bits(~(e.lz + job.frame.p_WC[2] > splat(kMinDepth))) == 0;
-          ball.field[i] = in_space(job.frame, answers, i, k);
+          ball.field[i] = in_space(job.frame, answers, first + i, k);
           // Limited, as in the depth hull.
           ball.field[i] =
               composed(limited(ball.field[i].first.phi, e.radius, extent_of(e.radius, true, i)),
@@ -125,17 +150,18 @@ template <class Sample, int kFields>
         continue;
       }
       for (int i = 0; i < num_vectors; ++i) {
-        const VecI is_touching = answers.fields[i].is_touching[k];
+        const VecI is_touching = answers.is_touching[k][first + i];
         if (mask_bits(is_touching) == 0) continue;
-        const SpaceCurvature<VecF> field = in_space(job.frame, answers, i, k);
+        const Lanes& e = answers.lanes[first + i];
+        const SpaceCurvature<VecF> field = in_space(job.frame, answers, first + i, k);
         const SpaceGradient<VecF>& g = field.first;
-        elements.place = place_of(answers.lanes[i]);
-        elements.add(job.elements, begin + static_cast<std::size_t>(i * kLanes), answers.lanes[i],
-                     is_touching, g.phi, {g.x, g.y, g.z}, field.h, i % RowSums::kParts);
+        elements.place = place_of(e);
+        elements.add(job.elements, begin + static_cast<std::size_t>(i * kLanes), e, is_touching,
+                     g.phi, {g.x, g.y, g.z}, field.h, i % RowSums::kParts);
       }
       if (share > 0) wholes[k].add(number, blended[k], totals[k]);
     }
-  }
+  });
   for (int k = 0; k < kFields; ++k) wholes[k].add_to(job, group, totals[k]);
   noise.finish();
   for (int k = 0; k < kFields; ++k) totals[k].write(to[k]);
@@ -158,18 +184,17 @@ void describe_group(const MeasureJob& job, int group, const SphereCuts& to) {
   const Grid grid(job.fields[0]);
   const Pixels fields[] = {pixels_of(job.fields[0])};
   Answers<Gradient, 1> answers;
-  for (int number = 0; number < kNumClusters; ++number) {
-    if (near[number] == 0) continue;
+  for_each_near(job, grid, fields, group, near, answers, [&](int number, int first) {
     const int cluster = group * kNumClusters + number;
-    const int num_vectors = query_cluster<Gradient, 1>(job, grid, fields, cluster, 1, answers);
+    const int num_vectors = (job.clusters->num_spheres(cluster) + kLanes - 1) / kLanes;
     for (int i = 0; i < num_vectors; ++i) {
-      const VecI is_touching = answers.fields[i].is_touching[0];
+      const VecI is_touching = answers.is_touching[0][first + i];
       if (mask_bits(is_touching) == 0) continue;
-      const SpaceGradient<VecF> g = in_space(job.frame, answers, i, 0).first;
-      describe(job, static_cast<std::size_t>(cluster * kSize + i * kLanes), answers.lanes[i],
-               is_touching, g.phi, {g.x, g.y, g.z}, to);
+      const SpaceGradient<VecF> g = in_space(job.frame, answers, first + i, 0).first;
+      describe(job, answers.slots[first + i], answers.lanes[first + i], is_touching, g.phi,
+               {g.x, g.y, g.z}, to);
     }
-  }
+  });
 }
 
 // Finds the pixels of a field that were measured, or lie inside a measured surface.

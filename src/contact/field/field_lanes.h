@@ -31,6 +31,7 @@ struct Vectors {
   static constexpr bool kHasMany = true;
 
   [[gnu::always_inline]] static bool is_any(VecI mask) { return mask_bits(mask) != 0; }
+  [[gnu::always_inline]] static bool is_any_together(VecI mask) { return is_any(mask); }
   [[gnu::always_inline]] static VecI whole(VecF numbers) { return to_int(numbers); }
   [[gnu::always_inline]] static VecF real(VecI numbers) { return to_float(numbers); }
   [[gnu::always_inline]] static VecI exponent(VecF numbers) {
@@ -43,10 +44,8 @@ struct Vectors {
     return look_up(grid.starts, level);
   }
   [[gnu::always_inline]] static VecI is_near_silhouette(const Pixels& pixels, VecI pixel) {
+    if (!any_byte(pixels.near_silhouette, pixel)) return VecI{};
     return gather_bytes(pixels.near_silhouette, pixel) != 0;
-  }
-  [[gnu::always_inline]] static bool is_any_near_silhouette(const Pixels& pixels, VecI pixel) {
-    return any_byte(pixels.near_silhouette, pixel) && is_any(is_near_silhouette(pixels, pixel));
   }
   [[gnu::always_inline]] static void read_planes(const float* planes, VecI pixel,
                                                  VecF (&pairs)[6]) {
@@ -55,6 +54,53 @@ struct Vectors {
   [[gnu::always_inline]] static void read_silhouette(const Silhouette* from, VecI number,
                                                      VecF (&numbers)[4]) {
     gather_fours(&from->side, number, numbers);
+  }
+
+  /// Limits the values of nine pixels by their silhouettes where elements are near one. Pixels that
+  /// have one are few in most vectors, and limiting is dear: so those of all elements are packed
+  /// into full vectors, limited, and put back.
+  template <bool kBends>
+  [[gnu::always_inline]] static void limit(const Grid& grid, const Pixels& pixels, VecI pixel,
+                                           VecI is_near, VecF depth, VecF k_by,
+                                           Curved<VecF> (&values)[3][3]) {
+    alignas(64) float packed[kBends ? 8 : 7][10 * kLanes];
+    std::uint32_t limited[3][3];
+    int num = 0;
+    for (int q = 0; q < 3; ++q) {
+      for (int p = 0; p < 3; ++p) {
+        const Curved<VecF>& own = values[q][p];
+        // Memory of other pixels may be stale.
+        const VecI at = is_near ? pixel + ((q - 1) * grid.stride + p - 1) : VecI{};
+        VecF silhouette[4];
+        read_silhouette(pixels.silhouettes, silhouette_of(at, own.value), silhouette);
+        limited[q][p] = mask_bits(is_near & (silhouette[0] != VecF{}));
+        const VecF numbers[] = {own.value,     own.slope, silhouette[0], silhouette[1],
+                                silhouette[2], depth,     k_by,          own.bend};
+        for (std::size_t i = 0; i < std::size(packed); ++i) {
+          compress_store(&packed[i][num], numbers[i], limited[q][p]);
+        }
+        num += __builtin_popcount(limited[q][p]);
+      }
+    }
+    for (int first = 0; first < num; first += kLanes) {
+      const auto number = [&](int i) { return load(&packed[i][first]); };
+      const VecF silhouette[4] = {number(2), number(3), number(4)};
+      const Curved<VecF> own{number(0), number(1), kBends ? number(7) : VecF{}};
+      const Curved<VecF> value = limited_by(silhouette, own, grid.thickness, number(5), number(6));
+      store(&packed[0][first], value.value);
+      store(&packed[1][first], value.slope);
+      if constexpr (kBends) store(&packed[7][first], value.bend);
+    }
+    num = 0;
+    for (int q = 0; q < 3; ++q) {
+      for (int p = 0; p < 3; ++p) {
+        Curved<VecF>& value = values[q][p];
+        expand_load(&packed[0][num], limited[q][p], value.value);
+        expand_load(&packed[1][num], limited[q][p], value.slope);
+        if constexpr (kBends) expand_load(&packed[7][num], limited[q][p], value.bend);
+        num += __builtin_popcount(limited[q][p]);
+      }
+    }
   }
 };
 using Look = PixelLook<Vectors>;

@@ -43,16 +43,16 @@ struct Eye {
   int num_fields;
 };
 
-// Samples of one camera for a vector of elements.
+// Samples of one camera for the vectors of a cluster.
 template <class Sample>
 struct EyeAnswer {
-  Lanes lanes[2];                 // elements in the camera, by seat
-  VecF before[2];                 // distance before the eye, by seat
-  Sample samples[2];              // of seen_free by moment, not yet with wider pixels
-  bool is_used = false;           // else it is skipped
-  bool queries_in_front = false;  // else nothing in front is near
-  Sample in_front[2];             // by moment, not yet with wider pixels
-  InSpace<Sample> front[2];       // the same in the world, with wider pixels
+  Lanes lanes[2][kNumVectors];            // elements in the camera, by seat
+  VecF before[2][kNumVectors];            // distance before the eye, by seat
+  Sample samples[2][kNumVectors];         // of seen_free by moment
+  std::uint32_t used = 0;                 // bits of the vectors that are sampled
+  bool queries_in_front = false;          // else nothing in front is near
+  Sample in_front[2][kNumVectors];        // by moment
+  InSpace<Sample> front[2][kNumVectors];  // the same in the world, with wider pixels
 };
 
 // Interpolates between a camera's two moments.

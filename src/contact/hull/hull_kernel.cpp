@@ -33,9 +33,10 @@
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {
 
-/// Calls begin(hull, grid), then f(slot, elements in the world, hull, part of the sums) for vectors
-/// of elements unless a camera sees that all are free, or begin has left their cluster out of
-/// `requested`, and end(cluster) after the vectors of a cluster if it was called for any of them.
+/// Calls begin(hull, grid), then f(slot, elements in the world, hull, number in the cluster) for
+/// vectors of elements unless a camera sees that all are free, or begin has left their cluster out
+/// of `requested`, and end(cluster) after the vectors of a cluster if it was called for any of
+/// them.
 template <class Sample, class Begin, class F, class End>
 [[gnu::always_inline]] inline void for_each_touching(const HullJob& job, int group,
                                                      std::uint32_t& requested, const Begin& begin,
@@ -62,15 +63,14 @@ template <class Sample, class Begin, class F, class End>
     if (is_seen_free(job, around, job.tool.largest_radius[cluster], freed_by)) continue;
     hull.aim_at(around, job.tool.largest_radius[cluster], job.tool.elements);
     const bool is_ball = cluster >= job.tool.first_ball;
-    bool is_touching = false;
+    const auto first_slot = static_cast<std::size_t>(cluster * kSize);
+    const std::uint32_t touching = hull.evaluate(first_slot, is_ball, kNumVectors);
     for (int i = 0; i < kNumVectors; ++i) {
-      const auto slot = static_cast<std::size_t>(cluster * kSize + i * kLanes);
-      if (!hull.evaluate(slot, is_ball, i)) continue;
-      f(slot, aim(job.tool.elements, job.tool.frame, eyes[0].field.grid, slot), hull,
-        i % RowSums::kParts);
-      is_touching = true;
+      if ((touching >> i & 1) == 0) continue;
+      const std::size_t slot = first_slot + static_cast<std::size_t>(i * kLanes);
+      f(slot, aim(job.tool.elements, job.tool.frame, eyes[0].field.grid, slot), hull, i);
     }
-    if (is_touching) end(cluster);
+    if (touching != 0) end(cluster);
   }
 }
 
@@ -85,10 +85,12 @@ template <class Sample>
   BallSamples parts;  // of the current ball in parts
   std::uint32_t known = 0, requested = (1u << kNumClusters) - 1;
   const int first = group * kNumClusters;
-  const auto field_at = [](const Hull<Sample>& at) {
-    return SpaceCurvature<VecF>{first_of(at.joined.hull), second_of(at.joined.hull)};
+  const auto field_at = [](const Hull<Sample>& at, int i) {
+    return SpaceCurvature<VecF>{first_of(at.joined[i].hull), second_of(at.joined[i].hull)};
   };
-  const auto place_of = [&](Hull<Sample>& at) { return noise.wants() ? at.place() : NoisePlace{}; };
+  const auto place_of = [&](Hull<Sample>& at, int i) {
+    return noise.wants() ? at.place(i) : NoisePlace{};
+  };
   for_each_touching<Sample>(
       job, group, requested,
       [&](Hull<Sample>& at, const Grid& grid) {
@@ -96,30 +98,33 @@ template <class Sample>
         at.aim_at(job.tool.clusters->groups[static_cast<std::size_t>(group)],
                   *std::max_element(radii, radii + kNumClusters), job.tool.wholes);
         const int num_wholes = job.tool.first_ball >= kMinWholes ? kNumWholes : 0;
+        const std::uint32_t near =
+            num_wholes == 0 ? 0 : at.evaluate(static_cast<std::size_t>(first), false, num_wholes);
         for (int i = 0; i < num_wholes; ++i) {
           const auto slot = static_cast<std::size_t>(first + i * kLanes);
-          const bool is_near = at.evaluate(slot, false, i);
+          const bool is_near = (near >> i & 1) != 0;
           const Lanes e = aim(job.tool.wholes, job.tool.frame, grid, slot);
-          const SpaceCurvature<VecF> field = is_near ? field_at(at) : SpaceCurvature<VecF>{};
+          const SpaceCurvature<VecF> field = is_near ? field_at(at, i) : SpaceCurvature<VecF>{};
           wholes.take(job.tool, group, i, e, field.first.phi < e.radius, field,
-                      is_near ? place_of(at) : NoisePlace{});
+                      is_near ? place_of(at, i) : NoisePlace{});
           const VecF share = load(wholes.shares() + i * kLanes);
           if (!is_near || mask_bits(share > VecF{}) == 0) continue;
           unseen.add(i % RowSums::kParts,
-                     select(at.joined.is_unseen(),
+                     select(at.joined[i].is_unseen(),
                             share * whole_volume(job.tool.wholes, slot, e.radius), VecF{}));
         }
         for (int number = 0; number < kNumClusters; ++number) {
           if (wholes.share(number) >= 1) requested &= ~(1u << number);
         }
       },
-      [&](std::size_t slot, const Lanes& e, Hull<Sample>& at, int part) {
+      [&](std::size_t slot, const Lanes& e, Hull<Sample>& at, int i) {
+        const int part = i % RowSums::kParts;
         const int cluster = static_cast<int>(slot / kSize);
         const float share = wholes.share(cluster - first);
-        const SpaceCurvature<VecF> field = field_at(at);
+        const SpaceCurvature<VecF> field = field_at(at, i);
         const SpaceGradient<VecF>& g = field.first;
         unseen.add(
-            part, select(at.joined.is_unseen(),
+            part, select(at.joined[i].is_unseen(),
                          (1.0f - share) * whole_volume(job.tool.elements, slot, e.radius), VecF{}));
         if (cluster < job.tool.first_ball) {
           GroupTotals<kWithStiffness>& sums = share > 0 ? blended : totals;
@@ -129,17 +134,16 @@ template <class Sample>
             blended.share = 1.0f - share;
             known = 1;
           }
-          sums.place = place_of(at);
+          sums.place = place_of(at, i);
           sums.add(job.tool.elements, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, field.h,
                    part);
           return;
         }
-        const std::size_t i = slot % kSize / kLanes;
         parts.lanes[i] = e;
         parts.is_touching[i] = g.phi < e.radius;
         parts.field[i] = field;
-        parts.place[i] = place_of(at);
-        parts.is_complete &= at.is_complete();
+        parts.place[i] = place_of(at, i);
+        parts.is_complete &= at.is_complete(i);
         known |= 1u << i;
       },
       [&](int cluster) {
@@ -180,16 +184,17 @@ void describe_hull_group(const HullJob& job, int group, const SphereCuts& to) {
   std::uint32_t requested = (1u << kNumClusters) - 1;
   for_each_touching<Gradient>(
       job, group, requested, [](Hull<Gradient>&, const Grid&) {},
-      [&](std::size_t slot, const Lanes& e, Hull<Gradient>& at, int) {
-        const SpaceGradient<VecF>& g = at.joined.hull;
-        const VecI nobody = at.joined.decider < VecI{};
+      [&](std::size_t slot, const Lanes& e, Hull<Gradient>& at, int i) {
+        const auto& joined = at.joined[i];
+        const SpaceGradient<VecF>& g = joined.hull;
+        const VecI nobody = joined.decider < VecI{};
         VecI number{};
         for (int k = 0; k < job.num_cameras; ++k) {
-          number = at.joined.decider == splat(k) ? splat(job.cameras[k].number) : number;
+          number = joined.decider == splat(k) ? splat(job.cameras[k].number) : number;
         }
         describe(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, to,
                  nobody ? splat(kNoCamera) : number);
-        mark_unseen(job.tool, slot, at.joined.is_unseen(), to.unseen);
+        mark_unseen(job.tool, slot, joined.is_unseen(), to.unseen);
       },
       [](int) {});
 }

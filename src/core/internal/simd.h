@@ -20,6 +20,8 @@
 #endif
 #elif defined(__wasm_simd128__)
 #include <wasm_simd128.h>
+#elif defined(__aarch64__)
+#include <arm_neon.h>
 #endif
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
@@ -210,6 +212,46 @@ inline VecI look_up(const LaneTable<std::int32_t>& table, VecI index) {
 #endif
 }
 
+#if PALPATE_LANES == 4
+/// Bytes that bring the lanes whose bit is set to the front, and back from there.
+struct ByteOrders {
+  alignas(16) std::uint8_t packing[16][16] = {}, unpacking[16][16] = {};
+
+  constexpr ByteOrders() {
+    for (unsigned bits = 0; bits < 16; ++bits) {
+      unsigned place = 0;
+      for (unsigned lane = 0; lane < 4; ++lane) {
+        if ((bits >> lane & 1) == 0) continue;
+        for (unsigned byte = 0; byte < 4; ++byte) {
+          packing[bits][4 * place + byte] = static_cast<std::uint8_t>(4 * lane + byte);
+          unpacking[bits][4 * lane + byte] = static_cast<std::uint8_t>(4 * place + byte);
+        }
+        ++place;
+      }
+    }
+  }
+};
+constexpr ByteOrders kByteOrders;
+
+inline VecI pick_bytes(VecI v, const std::uint8_t (&order)[16]) {
+#if defined(__x86_64__)
+  typedef char Bytes __attribute__((vector_size(16)));
+  Bytes at;
+  std::memcpy(&at, order, sizeof at);
+  return reinterpret_cast<VecI>(__builtin_ia32_pshufb128(reinterpret_cast<Bytes>(v), at));
+#elif defined(__wasm_simd128__)
+  return reinterpret_cast<VecI>(
+      wasm_i8x16_swizzle(reinterpret_cast<v128_t>(v), wasm_v128_load(order)));
+#elif defined(__aarch64__)
+  return reinterpret_cast<VecI>(vqtbl1q_u8(reinterpret_cast<uint8x16_t>(v), vld1q_u8(order)));
+#else
+  VecI picked;
+  for (int i = 0; i < kLanes; ++i) picked[i] = v[order[4 * i] / 4];
+  return picked;
+#endif
+}
+#endif
+
 /// Writes the lanes whose bit is set to consecutive places; may also write up to kLanes values in
 /// all.
 template <class Vec, class Element>
@@ -226,7 +268,29 @@ inline void compress_store(Element* to, Vec v, std::uint32_t bits) {
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(to),
                       _mm256_permutevar8x32_epi32(reinterpret_cast<__m256i>(v), order));
 #else
-  for (; bits != 0; bits &= bits - 1) *to++ = v[__builtin_ctz(bits)];
+  const VecI packed = pick_bytes(reinterpret_cast<VecI>(v), kByteOrders.packing[bits]);
+  std::memcpy(to, &packed, sizeof packed);
+#endif
+}
+
+/// Reads consecutive numbers into the lanes whose bit is set; the others keep theirs. kLanes
+/// numbers may be read.
+inline void expand_load(const float* from, std::uint32_t bits, VecF& v) {
+#if PALPATE_LANES == 16
+  v = reinterpret_cast<VecF>(_mm512_mask_expand_ps(
+      reinterpret_cast<__m512>(v), static_cast<__mmask16>(bits), _mm512_loadu_ps(from)));
+#elif PALPATE_LANES == 8
+  // Spread the bits to bytes, and hand the numbers 0, 1, ... to the set ones.
+  const std::uint64_t bytes = _pdep_u64(bits, 0x0101010101010101u) * 0xff;
+  const std::uint64_t places = _pdep_u64(0x0706050403020100u, bytes);
+  const __m256i order = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(static_cast<long long>(places)));
+  const __m256i is_set = _mm256_cvtepi8_epi32(_mm_cvtsi64_si128(static_cast<long long>(bytes)));
+  v = reinterpret_cast<VecF>(_mm256_blendv_ps(
+      reinterpret_cast<__m256>(v), _mm256_permutevar8x32_ps(_mm256_loadu_ps(from), order),
+      _mm256_castsi256_ps(is_set)));
+#else
+  const VecI is_set = (splat(static_cast<std::int32_t>(bits)) & VecI{1, 2, 4, 8}) != 0;
+  v = is_set ? from_bits(pick_bytes(bits_of(load(from)), kByteOrders.unpacking[bits])) : v;
 #endif
 }
 

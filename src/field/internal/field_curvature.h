@@ -8,8 +8,8 @@ namespace palpate { inline namespace v0 {
 /// First and second derivatives in (u, v, z).
 template <class Real>
 struct ImageCurvature {
-  ImageGradient<Real> first{};
-  Real uu{}, uv{}, vv{}, uz{}, vz{}, zz{};
+  ImageGradient<Real> first;
+  Real uu, uv, vv, uz, vz, zz;
 };
 
 template <class Real>

@@ -79,11 +79,11 @@ struct OneLane {
     return pixels.near_silhouette[pixel] != 0;
   }
   /// True for any of the threads that a GPU runs together.
-  PALPATE_FORMULA static bool is_any_near_silhouette(const FieldPixels& pixels, Int pixel) {
+  PALPATE_FORMULA static bool is_any_together(bool mask) {
 #ifdef __CUDA_ARCH__
-    return __any_sync(__activemask(), is_near_silhouette(pixels, pixel));
+    return __any_sync(__activemask(), mask);
 #else
-    return is_near_silhouette(pixels, pixel);
+    return mask;
 #endif
   }
   /// Reads the planes of three pixels from `pixel` on: offset, slope, offset, ...
@@ -217,52 +217,56 @@ PALPATE_FORMULA void planes_around(const typename Lane::Grid& grid, const FieldP
   }
 }
 
-/// Limits the value of a pixel at `depth` by its silhouettes; k_by: width of corners.
-template <class Lane, class Real, class Int>
-PALPATE_FORMULA Curved<Real> silhouette_value(const typename Lane::Grid& grid,
-                                              const FieldPixels& pixels, Int pixel,
-                                              const Curved<Real>& own, Real depth, Real k_by) {
-  const Int which = own.value < Real{} ? Int{} : Int{} + 1;
-  Real numbers[4];
-  Lane::read_silhouette(pixels.silhouettes, 2 * pixel + which, numbers);
-  const Real side = numbers[0];
-  if (!Lane::is_any(side != Real{})) return own;  // as clamped_at_silhouette would
-  Curved<Real> plane = plane_value(numbers[1], numbers[2], depth);
-  if (grid.thickness < static_cast<float>(kSolidBehind)) {
-    plane = with_back(plane, Real{} + grid.thickness);
-  }
-  return clamped_at_silhouette(own, plane, side, depth, k_by);
+/// The number of the silhouette that limits a pixel with this value.
+template <class Int, class Real>
+PALPATE_FORMULA Int silhouette_of(Int pixel, Real value) {
+  return 2 * pixel + (value < Real{} ? Int{} : Int{} + 1);
 }
 
-/// The values of the nine pixels around, each element on its own level. On a GPU they stay in
-/// registers if the loops over silhouettes are unrolled `kUnrolled` = 3 times, which second
-/// derivatives, short of registers, do better without.
-template <int kUnrolled, class Lane, class Real, class Int>
+/// Limits the value of a pixel at `depth` by its silhouette, if it has one: side, offset and slope;
+/// k_by: width of corners.
+template <class Real>
+PALPATE_FORMULA Curved<Real> limited_by(const Real (&silhouette)[4], const Curved<Real>& own,
+                                        float thickness, Real depth, Real k_by) {
+  Curved<Real> plane = plane_value(silhouette[1], silhouette[2], depth);
+  if (thickness < static_cast<float>(kSolidBehind)) plane = with_back(plane, Real{} + thickness);
+  return clamped_at_silhouette(own, plane, silhouette[0], depth, k_by);
+}
+
+/// The values of the nine pixels around, each element on its own level, limited for those that are
+/// near a silhouette. On a GPU they stay in
+/// registers if the loops over silhouettes are unrolled, which second derivatives (`kBends`), short
+/// of registers, do better without.
+template <bool kBends, class Lane, class Real, class Int>
 PALPATE_FORMULA void values_around(const typename Lane::Grid& grid, const FieldPixels& pixels,
-                                   Int pixel, Int level, Real depth, Curved<Real> (&values)[3][3]) {
-  const auto is_near = Lane::is_near_silhouette(pixels, pixel);
+                                   Int pixel, Int level, Real depth, typename Lane::Mask is_near,
+                                   Curved<Real> (&values)[3][3]) {
   const Real k_by = kCorner / (Lane::inverse_power(level) * grid.fx);
-  const auto limit = [&](int q, int p, Curved<Real>& value) {
-    // Memory of other pixels may be stale.
-    const Int at = is_near ? pixel + ((q - 1) * grid.stride + p - 1) : Int{};
-    value = chosen(is_near, silhouette_value<Lane>(grid, pixels, at, value, depth, k_by), value);
-  };
-  planes_around<Lane>(grid, pixels, pixel, depth, values, [&](int q, int p, Curved<Real>& value) {
+  planes_around<Lane>(grid, pixels, pixel, depth, values, [&](int, int, Curved<Real>& value) {
     if (grid.thickness < static_cast<float>(kSolidBehind)) {
       value = with_back(value, Real{} + grid.thickness);
     }
-    if constexpr (Lane::kHasMany) limit(q, p, value);
   });
-  if constexpr (!Lane::kHasMany) {  // all was read before anything waits for it
+  if constexpr (Lane::kHasMany) {
+    Lane::template limit<kBends>(grid, pixels, pixel, is_near, depth, k_by, values);
+  } else {  // all was read before anything waits for it
     if (!is_near) return;
 #ifdef __CUDA_ARCH__
+    constexpr int kUnrolled = kBends ? 1 : 3;
 #pragma unroll kUnrolled
 #endif
     for (int q = 0; q < 3; ++q) {
 #ifdef __CUDA_ARCH__
 #pragma unroll kUnrolled
 #endif
-      for (int p = 0; p < 3; ++p) limit(q, p, values[q][p]);
+      for (int p = 0; p < 3; ++p) {
+        Curved<Real>& value = values[q][p];
+        const Int at = pixel + ((q - 1) * grid.stride + p - 1);
+        Real silhouette[4];
+        Lane::read_silhouette(pixels.silhouettes, silhouette_of(at, value.value), silhouette);
+        if (silhouette[0] == Real{}) continue;
+        value = limited_by(silhouette, value, grid.thickness, depth, k_by);
+      }
     }
   }
 }
@@ -282,16 +286,18 @@ PALPATE_FORMULA Sample splined(const Curved<Real> (&values)[3][3], const PixelSp
 /// ImageCurvature.
 template <class Lane, class Sample, class Real, class Int>
 PALPATE_FORMULA Sample sample_values(const typename Lane::Grid& grid, const FieldPixels& pixels,
-                                     const PixelSpot<Lane>& at, Int level, Real depth) {
+                                     const PixelSpot<Lane>& at, Int level, Real depth,
+                                     typename Lane::Mask is_near) {
   Curved<Real> values[3][3];
-  constexpr int kUnrolled = std::is_same_v<Sample, ImageCurvature<Real>> ? 1 : 3;
-  values_around<kUnrolled, Lane>(grid, pixels, at.pixel, level, depth, values);
+  constexpr bool kBends = std::is_same_v<Sample, ImageCurvature<Real>>;
+  values_around<kBends, Lane>(grid, pixels, at.pixel, level, depth, is_near, values);
   return splined<false, Lane, Sample>(values, at, Lane::inverse_power(level));
 }
 template <class Lane, class Sample, class Real, class Int>
 [[gnu::noinline]] Sample sample_by_call(const typename Lane::Grid& grid, const FieldPixels& pixels,
-                                        const PixelSpot<Lane>& at, Int level, Real depth) {
-  return sample_values<Lane, Sample>(grid, pixels, at, level, depth);
+                                        const PixelSpot<Lane>& at, Int level, Real depth,
+                                        typename Lane::Mask is_near) {
+  return sample_values<Lane, Sample>(grid, pixels, at, level, depth, is_near);
 }
 
 /// True if with_back keeps the values of all elements.
@@ -305,12 +311,13 @@ PALPATE_FORMULA bool have_no_back(const Curved<Real> (&values)[3][3], float thic
   return !Lane::is_any(below_unbent(least, Real{} + thickness) > Real{});
 }
 
-/// The same; elements that are sampled together and of which none is near a silhouette need no more
-/// than planes.
+/// The same for elements of which none is near a silhouette, if `are_smooth`: planes are enough,
+/// but for what is deeper than surfaces are thick.
 template <class Lane, class Sample, class Real, class Int>
 PALPATE_FORMULA Sample sample_level(const typename Lane::Grid& grid, const FieldPixels& pixels,
-                                    const PixelSpot<Lane>& at, Int level, Real depth) {
-  if (!Lane::is_any_near_silhouette(pixels, at.pixel)) {
+                                    const PixelSpot<Lane>& at, Int level, Real depth,
+                                    typename Lane::Mask is_near, bool are_smooth) {
+  if (are_smooth) {
     Curved<Real> values[3][3];
     planes_around<Lane>(grid, pixels, at.pixel, depth, values, [](int, int, Curved<Real>&) {});
     if (have_no_back<Lane>(values, grid.thickness)) {
@@ -318,10 +325,17 @@ PALPATE_FORMULA Sample sample_level(const typename Lane::Grid& grid, const Field
     }
   }
   if constexpr (Lane::kHasMany) {
-    return sample_by_call<Lane, Sample>(grid, pixels, at, level, depth);
+    return sample_by_call<Lane, Sample>(grid, pixels, at, level, depth, is_near);
   } else {
-    return sample_values<Lane, Sample>(grid, pixels, at, level, depth);
+    return sample_values<Lane, Sample>(grid, pixels, at, level, depth, is_near);
   }
+}
+template <class Lane, class Sample, class Real, class Int>
+PALPATE_FORMULA Sample sample_level(const typename Lane::Grid& grid, const FieldPixels& pixels,
+                                    const PixelSpot<Lane>& at, Int level, Real depth) {
+  const typename Lane::Mask is_near = Lane::is_near_silhouette(pixels, at.pixel);
+  return sample_level<Lane, Sample>(grid, pixels, at, level, depth, is_near,
+                                    !Lane::is_any_together(is_near));
 }
 
 /// `blend` of the next wider level.
@@ -339,30 +353,23 @@ PALPATE_FORMULA ImageCurvature<Real> with_wider(const ImageCurvature<Real>& c,
   return blended(c, next, levels.blend(), levels.blend_by_z(), levels.blend_by_zz(inverse_depth));
 }
 
-/// Samples the pixels of `look`.
+/// Samples the pixels of `look` for one element.
 template <class Sample, class Lane, class Real>
 PALPATE_FORMULA Sample query_field(const typename Lane::Grid& grid, const FieldPixels& pixels,
                                    const PixelLook<Lane>& look, Real depth, Real inverse_depth) {
   const LevelChoice<Lane>& levels = look.levels;
   Sample answer{};
-  if constexpr (Lane::kHasMany) {
-    answer = sample_level<Lane, Sample>(grid, pixels, look.own, levels.level, depth);
-    if (!look.has_wider) return answer;
-    const Sample next = sample_level<Lane, Sample>(grid, pixels, look.wider, levels.wider, depth);
-    return with_wider(answer, next, levels, inverse_depth);
-  } else {
-    // One body: a GPU has few registers.
+  // One body: a GPU has few registers.
 #ifdef __CUDA_ARCH__
 #pragma unroll 1
 #endif
-    for (int k = 0; k <= static_cast<int>(look.has_wider); ++k) {
-      const auto level = levels.level + k;
-      const Sample here = sample_level<Lane, Sample>(
-          grid, pixels, spot_at<Lane>(grid, look.u, look.v, level), level, depth);
-      answer = k > 0 ? with_wider(answer, here, levels, inverse_depth) : here;
-    }
-    return answer;
+  for (int k = 0; k <= static_cast<int>(look.has_wider); ++k) {
+    const auto level = levels.level + k;
+    const Sample here = sample_level<Lane, Sample>(
+        grid, pixels, spot_at<Lane>(grid, look.u, look.v, level), level, depth);
+    answer = k > 0 ? with_wider(answer, here, levels, inverse_depth) : here;
   }
+  return answer;
 }
 
 /// Samples one element of this radius at (u, v), and wider pixels if it lies deep.
