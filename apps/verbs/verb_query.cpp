@@ -59,14 +59,14 @@ Result<ChosenQuery> choose_query(const RunSettings& settings, const Tool& tool, 
 }
 
 /// Computes the unseen volume at a pose, and the number of spheres that each camera decided.
-void find_evidence(const ContactQuery& query, Backend backend,
-                   std::span<const SurfaceBlend> cameras, QueryMeasurement& at) {
+void find_evidence(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
+                   QueryMeasurement& at) {
   SpherePicture spheres;
   spheres.resize(query.index()->tool().spheres().size());
   ContactWants wants = spheres.wants();
   wants.unseen_volume = true;
   const Penetration seen = query.measure(cameras, at.X_WT, wants).penetration;
-  if (backend == Backend::cpu || cameras.size() > 1) at.unseen = seen.unseen_volume;
+  at.unseen = seen.unseen_volume;
   at.decided.assign(cameras.size() + 1, 0);
   for (std::size_t i = 0; i < spheres.states.size(); ++i) {
     if (spheres.states[i] == SphereState::outside) continue;
@@ -203,7 +203,7 @@ Status run(const QueryOptions& given) {
     measurements.push_back(
         {measured.total(), measured, {}, {}, elapsed.count(), X_WT, measured.noise, {}, -1, {}});
     if (options.settings.contact.method == MethodKind::field) {
-      find_evidence(query, chosen->backend, scene->views(), measurements.back());
+      find_evidence(query, scene->views(), measurements.back());
     }
     if (measured.total().status.has(StepStatus::backend_failed)) return lost_backend();
   }

@@ -162,9 +162,9 @@ struct PoseBatch {
   /// P indices of surfaces. Empty: one surface for all, or one per pose. An invalid index gives
   /// StepStatus::no_surface.
   std::span<const std::int32_t> surface_of_pose = {};
-  /// Pose of the camera of each surface in W. Empty: W is the camera frame C for all.
+  /// Pose in W of the camera of each surface, in host memory. Empty: W is the camera frame C.
   std::span<const Pose> X_WC = {};
-  int gpu = kHostMemory;  ///< memory of all three arrays
+  int gpu = kHostMemory;  ///< memory of the first two arrays
 };
 
 /// Output of a batch: row-major arrays of the caller. Null arrays are not computed. Stiffness takes

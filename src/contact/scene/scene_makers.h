@@ -2,6 +2,7 @@
 // by the emulator.
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <optional>
 #include <span>
@@ -28,8 +29,9 @@ struct SceneMakers {
   Result<std::unique_ptr<SceneBatch>> (*scenes)(std::span<const Index>, SphereVolumes, int gpu);
 };
 
-/// Returns the makers of a GPU.
-inline SceneMakers cuda_makers() {
+/// Returns the makers of a GPU. `kAtOnce`: poses in a launch.
+template <std::size_t kAtOnce = std::size_t{1} << 15>
+SceneMakers cuda_makers() {
   return {
       make_contact_query_cuda,
       [](SceneMakers::Index index, const FieldMethod& method, const ExecutionOptions& execution) {
@@ -38,7 +40,12 @@ inline SceneMakers cuda_makers() {
       [](SceneMakers::Index a, SceneMakers::Index b, const ExecutionOptions& execution) {
         return make_solid_contact_cuda(std::move(a), std::move(b), execution.gpu);
       },
-      make_clearance_batch_cuda, make_scene_batch_cuda};
+      [](std::span<const SceneMakers::Index> tools, const ExecutionOptions& execution) {
+        return make_clearance_batch_cuda(tools, execution.gpu, kAtOnce);
+      },
+      [](std::span<const SceneMakers::Index> tools, SphereVolumes volumes, int gpu) {
+        return make_scene_batch_cuda(tools, volumes, gpu, kAtOnce);
+      }};
 }
 
 struct SceneContactMaker {
