@@ -45,7 +45,7 @@ class ClearanceBatchCuda final : public ClearanceBatch {
         memory_(gpu),
         stream_(gpu, gpu::Priority::low),
         caller_stream_(gpu),
-        launches_{Launch(gpu), Launch(gpu)} {
+        launches_{Launch(gpu), Launch(gpu), Launch(gpu)} {
     std::vector<ToolOnGpu> made;
     for (const auto& index : tools) {
       const SphereClusters& from = parts_of(*index).clusters();
@@ -162,7 +162,7 @@ class ClearanceBatchCuda final : public ClearanceBatch {
  private:
   /// Takes memory for the hits of all spheres, of as many poses at a time as fit.
   Status take_hits_of_spheres() {
-    constexpr std::size_t kBytes = 64u << 20;
+    constexpr std::size_t kBytes = 32u << 20;
     const std::size_t each = static_cast<std::size_t>(question_.max_spheres);
     soft_at_once_ = std::clamp<std::size_t>(kBytes / (each * sizeof(ClearanceHit)), 1, at_once_);
     gpu::Memory memory(gpu_);
@@ -225,7 +225,7 @@ class ClearanceBatchCuda final : public ClearanceBatch {
   }
 
   // Some of the poses on the GPU. Two take turns: while it measures one, the results of the other
-  // are put where they belong.
+  // are put where they belong. The third is for streams of callers, which may still be at work.
   struct Launch {
     explicit Launch(int gpu) : stream(gpu, gpu::Priority::low) {}
 
@@ -262,11 +262,11 @@ class ClearanceBatchCuda final : public ClearanceBatch {
     for (Launch& launch : launches_) launch.num = 0;
     int turn = 0;
     for (std::size_t first = 0; first < num; first += at_once, turn = 1 - turn) {
-      Launch& launch = launches_[turn];
+      Launch& launch = given != nullptr ? launches_[2] : launches_[turn];
       launch.first = first;
       launch.num = std::min(at_once, num - first);
       enqueue(launch, poses, to, question, given != nullptr ? *given : launch.stream);
-      if (is_staged) fetch(launches_[1 - turn], poses, to, given);
+      if (is_staged) fetch(given != nullptr ? launch : launches_[1 - turn], poses, to, given);
     }
     if (is_staged) fetch(launches_[1 - turn], poses, to, given);
     if (given != nullptr) return is_here ? given->wait(patience) : given->status();
@@ -366,7 +366,7 @@ class ClearanceBatchCuda final : public ClearanceBatch {
   std::vector<SeenByCamera> seen_;
   SeenByCamera* cameras_ = nullptr;
   std::vector<std::uint8_t> is_within_here_;  // of the poses of a launch
-  Launch launches_[2];
+  Launch launches_[3];
   Question question_;
   std::optional<gpu::Memory> hits_of_spheres_;
   std::size_t soft_at_once_ = 0;   // poses
