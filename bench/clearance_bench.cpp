@@ -349,7 +349,7 @@ void one_pose() {
   const SeenWall seen;
   const Tool& tool = finger_tool(1000);
   const SceneContact contact = contact_of(tool);
-  const auto query = value_or_stop(make_contact_query(Backend::cpu, tool));
+  const auto query = value_or_stop(make_contact_query(Place::cpu(), tool));
   const std::vector<Pose> poses = finger_poses(2000, Where::surface);
   std::vector<double> ratios;
   for (int turn = 0; turn < 30; ++turn) {

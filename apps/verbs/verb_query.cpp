@@ -35,7 +35,7 @@ namespace {
 constexpr std::size_t kManySpheres = 4000;
 
 struct ChosenQuery {
-  Backend backend = Backend::cpu;
+  Place place;
   std::unique_ptr<ContactQuery> query;
 };
 
@@ -46,16 +46,15 @@ Result<ChosenQuery> choose_query(const RunSettings& settings, const Tool& tool, 
   if (!method) return method.error();
   const auto index = ToolIndex::create(tool);
   ExecutionOptions execution;
-  execution.gpu = settings.contact_gpu;
   if (settings.num_threads > 1) execution.pool = &pool;
-  Backend backend = settings.backend.value_or(Backend::cuda);
-  auto query = make_contact_query(backend, index, *method, execution);
+  Place place{settings.backend.value_or(Backend::cuda), settings.contact_gpu};
+  auto query = make_contact_query(place, index, *method, execution);
   if (!query && !settings.backend) {
     note_backend(query.error().message);
-    query = make_contact_query(backend = Backend::cpu, index, *method, execution);
+    query = make_contact_query(place = Place::cpu(), index, *method, execution);
   }
   if (!query) return query.error();
-  return ChosenQuery{backend, *std::move(query)};
+  return ChosenQuery{place, *std::move(query)};
 }
 
 /// Computes the unseen volume at a pose, and the number of spheres that each camera decided.
@@ -184,11 +183,9 @@ Status run(const QueryOptions& given) {
   const int body = world.add_tool(*tool, std::move(chosen->query));
   world.set_wants(body, {.noise = options.std});
   for (const SceneObject& object : *objects) world.add_object(*object.shape, object.X_WB);
-  if (chosen->backend != Backend::cpu) {
+  if (chosen->place.backend != Backend::cpu) {
     const Status status = world.measure_pairs_by([&](const auto& a, const auto& b) {
-      return make_body_pair_query(
-          chosen->backend, a, b,
-          {.method = options.settings.contact.bodies, .gpu = options.settings.contact_gpu});
+      return make_body_pair_query(chosen->place, a, b, {.method = options.settings.contact.bodies});
     });
     if (!status) return status.error();
   }
@@ -228,8 +225,8 @@ Status run(const QueryOptions& given) {
         "up to four times too large; with --spheres 2000 it is not");
   }
   if (options.json) {
-    print_results_json(options, options.settings, *tool, scene->X_WC().front(), chosen->backend,
-                       scene->num_usable(), tool_volume, measurements);
+    print_results_json(options, options.settings, *tool, scene->X_WC().front(),
+                       chosen->place.backend, scene->num_usable(), tool_volume, measurements);
   } else {
     print_results_table(options, tool_volume, measurements);
     // Other methods have no volume behind a surface either, and objects may be nearer.

@@ -68,8 +68,8 @@ class PyContact {
     if (body_batch_ == nullptr ||
         !std::equal(bodies.begin(), bodies.end(), bodies_.begin(), bodies_.end(), is_same)) {
       if (body_pool_ == nullptr) body_pool_ = std::make_unique<ThreadPool>(0);
-      auto made = make_body_batch_query(place_.backend, contact_.query().index(), bodies, {},
-                                        body_pool_.get());
+      auto made =
+          make_body_batch_query(place_, contact_.query().index(), bodies, {}, body_pool_.get());
       if (!made) return made.error();
       body_batch_ = *std::move(made);
       bodies_ = bodies;

@@ -273,7 +273,7 @@ class BodyBatchCuda final : public BodyBatchQuery {
     }
     if (answers.want_noise()) {
       return Error{Errc::unavailable,
-                   "standard deviations are computed on a CPU: make the query with Backend::cpu, "
+                   "standard deviations are computed on a CPU: make the query with Place::cpu(), "
                    "or leave out volume_std, force_std and torque_std"};
     }
     return scenes_->measure({.X_WT = X_WT, .has_one_body_each = true, .body_of_pose = body_of_pose},

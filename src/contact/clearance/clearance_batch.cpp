@@ -182,9 +182,9 @@ class ClearanceBatchCpu final : public ClearanceBatch {
 }  // namespace
 
 Result<std::unique_ptr<ClearanceBatch>> make_clearance_batch(
-    std::span<const std::shared_ptr<const ToolIndex>> tools, const ExecutionOptions& execution) {
+    std::span<const std::shared_ptr<const ToolIndex>> tools, ThreadPool& pool) {
   return std::unique_ptr<ClearanceBatch>(
-      std::make_unique<ClearanceBatchCpu>(tools, *execution.pool, execution.isa));
+      std::make_unique<ClearanceBatchCpu>(tools, pool, best_isa()));
 }
 
 }}  // namespace palpate::v0

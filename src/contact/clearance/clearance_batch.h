@@ -54,9 +54,9 @@ class ClearanceBatch {
   }
 };
 
-/// Makes one over the threads of `execution.pool`.
+/// Makes one over the threads of a pool.
 Result<std::unique_ptr<ClearanceBatch>> make_clearance_batch(
-    std::span<const std::shared_ptr<const ToolIndex>> tools, const ExecutionOptions& execution);
+    std::span<const std::shared_ptr<const ToolIndex>> tools, ThreadPool& pool);
 /// The same on a GPU, `at_once` poses in a launch. Errors: no such GPU; too little memory there.
 Result<std::unique_ptr<ClearanceBatch>> make_clearance_batch_cuda(
     std::span<const std::shared_ptr<const ToolIndex>> tools, int gpu, std::size_t at_once);

@@ -53,16 +53,19 @@ SurfaceView with_policy(SurfaceView surface, const Scene& scene) {
 }
 
 constexpr SceneMakers kCpuMakers{
-    [](SceneMakers::Index index, const ContactMethod& method, const ExecutionOptions& execution) {
-      return make_contact_query(Backend::cpu, std::move(index), method, execution);
+    [](SceneMakers::Index index, const ContactMethod& method, int) {
+      return make_contact_query(Place::cpu(), std::move(index), method);
     },
-    [](SceneMakers::Index index, const FieldMethod& method, const ExecutionOptions& execution) {
-      return make_batch_query(Backend::cpu, std::move(index), method, execution);
+    [](SceneMakers::Index index, const FieldMethod& method, ThreadPool& pool, int) {
+      return make_batch_query(Place::cpu(), std::move(index), method, {best_isa(), &pool});
     },
-    [](SceneMakers::Index a, SceneMakers::Index b, const ExecutionOptions& execution) {
-      return make_body_pair_query(Backend::cpu, std::move(a), std::move(b), {.isa = execution.isa});
+    [](SceneMakers::Index a, SceneMakers::Index b, int) {
+      return make_body_pair_query(Place::cpu(), std::move(a), std::move(b));
     },
-    make_clearance_batch, nullptr};
+    [](std::span<const SceneMakers::Index> tools, ThreadPool& pool, int) {
+      return make_clearance_batch(tools, pool);
+    },
+    nullptr};
 
 }  // namespace
 
@@ -129,7 +132,7 @@ Result<SceneContact::Impl::Pairs> SceneContact::Impl::pairs_of(
   Pairs made(workers.size());
   for (auto& of_worker : made) {
     for (const auto& tool : tools) {
-      auto pair = makers.pair(tool, shape, {best_isa(), nullptr, place.gpu});
+      auto pair = makers.pair(tool, shape, place.gpu);
       if (!pair) return pair.error();
       of_worker.push_back(*std::move(pair));
     }
@@ -266,14 +269,13 @@ Result<SceneContact> SceneContactMaker::make(std::span<const Tool* const> tools,
   impl->workers.resize(static_cast<std::size_t>(impl->pool->num_threads()));
   for (SceneContact::Impl::Worker& worker : impl->workers) {
     for (const auto& index : impl->tools) {
-      auto made = makers.contact(index, method, {best_isa(), nullptr, place.gpu});
+      auto made = makers.contact(index, method, place.gpu);
       if (!made) return made.error();
       worker.queries.push_back(*std::move(made));
     }
   }
   if (const auto* const field = std::get_if<FieldMethod>(&method)) {
-    const ExecutionOptions execution{best_isa(), impl->pool.get(), place.gpu};
-    auto clearances = makers.clearance(impl->tools, execution);
+    auto clearances = makers.clearance(impl->tools, *impl->pool, place.gpu);
     if (!clearances) return clearances.error();
     impl->clearances = *std::move(clearances);
     if (makers.scenes != nullptr) {
@@ -282,7 +284,7 @@ Result<SceneContact> SceneContactMaker::make(std::span<const Tool* const> tools,
       impl->scenes = *std::move(scenes);
     }
     if (tools.size() == 1) {
-      auto batches = makers.batch(impl->tools[0], *field, execution);
+      auto batches = makers.batch(impl->tools[0], *field, *impl->pool, place.gpu);
       if (!batches) return batches.error();
       impl->batches = *std::move(batches);
     }

@@ -194,8 +194,8 @@ TEST(SceneContact, SumsCamerasAndBodies) {
       Tool::pack(make_box({0.1, 0.1, 0.1}), {.max_spheres = 50}).value().with_solid_field();
   const Body body(shape, {{0.2, 0, 0.8}, {}});
   const Scene scene{.surfaces = {seen.surface}, .bodies = {body, body.at({{-0.2, 0, 0.8}, {}})}};
-  const auto query = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
-  const auto pair = make_body_pair_query(Backend::cpu, tool, shape).value();
+  const auto query = make_contact_query(Place::cpu(), tool, FieldMethod{}).value();
+  const auto pair = make_body_pair_query(Place::cpu(), tool, shape).value();
   Random random(9);
   std::vector<Pose> poses;
   for (int i = 0; i < 100; ++i) {
