@@ -19,7 +19,7 @@ void batch(benchmark::State& state) {
   field.update(bumpy_wall().view(), pool);
   const SurfaceView surface{{}, field.view()};
   const auto batches =
-      make_batch_query(Backend::cpu, ToolIndex::create(tool), FieldMethod{}, {best_isa(), &pool})
+      make_batch_query(Place::cpu(), ToolIndex::create(tool), FieldMethod{}, {best_isa(), &pool})
           .value();
   const std::vector<Pose> poses = finger_poses(num, where);
   const auto size = static_cast<std::size_t>(num);

@@ -33,7 +33,7 @@ void time_poses(benchmark::State& state, const std::vector<Pose>& poses, const c
 
 void pairs(benchmark::State& state, const Tool& other, BodyMethod method, bool wants_stiffness) {
   const auto contact =
-      make_body_pair_query(Backend::cpu, cube_tool(static_cast<int>(state.range(0))), other,
+      make_body_pair_query(Place::cpu(), cube_tool(static_cast<int>(state.range(0))), other,
                            {.method = method})
           .value();
   time_poses(state, overlapping_poses(depth_of(state)), "pairs", [&](const Pose& X_WA) {
@@ -63,7 +63,7 @@ void depth_field(benchmark::State& state) {
   ThreadPool pool(1);
   DepthField field = std::move(DepthField::create(640, 480)).value();
   field.update(bumpy_wall().view(), pool);
-  const auto contact = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
+  const auto contact = make_contact_query(Place::cpu(), tool, FieldMethod{}).value();
   const SurfaceView surface{{}, field.view()};
   // The other cube's face points along +z; here the wall's points along -z.
   std::vector<Pose> poses = overlapping_poses(depth_of(state));

@@ -67,7 +67,7 @@ std::vector<Wrenches> felt(const Recorded& seen, const Tool& tool, const std::ve
   time.average = average;
   ThreadPool pool(1);
   auto timeline = SurfaceTimeline::create(seen.stream, {.surface = surface, .time = time}).value();
-  const auto query = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
+  const auto query = make_contact_query(Place::cpu(), tool, FieldMethod{}).value();
   std::vector<Wrenches> all(places.size());
   double now = 0;
   for (const DepthFrame& frame : seen.frames) {

@@ -3,7 +3,8 @@
 // each.
 //   clearance_bench [--gpu] [--only rate|ready|scene|solids|free|one]
 // With --gpu, `rate` and `scene` are measured on the first GPU, by the clock, from poses to results
-// in host memory.
+// in host memory; `rate` also with all arrays on the GPU (/arrays-there), until the results are
+// there.
 #include <cmath>
 #include <cstring>
 #include <optional>
@@ -13,6 +14,9 @@
 #include "bench/hull_setup.h"
 #include "bench/wall_frame.h"
 #include "palpate/contact/scene.h"
+#if defined(PALPATE_CUDA)
+#include "src/gpu/internal/runtime.h"
+#endif
 
 namespace palpate::bench {
 namespace {
@@ -68,6 +72,52 @@ struct Found {
   SceneAnswers answers;
 };
 
+#if defined(PALPATE_CUDA)
+/// The same question as `rate` with poses and results in the memory of the GPU.
+void rate_there(const SceneContact& contact, const Scene& scene, const std::vector<Pose>& poses,
+                const Found& here, const std::string& tail, const Place& place) {
+  const std::size_t num = poses.size();
+  gpu::Memory memory(place.gpu);
+  gpu::Stream stream(place.gpu, gpu::Priority::low);
+  const CallerStream queue{stream.handle()};
+  const ScenePoses there{{memory.copy_of(poses), num}, {}, {}, 0, place.gpu};
+  SceneAnswers answers;
+  answers.contact.gpu = place.gpu;
+  answers.clearance = memory.take<double>(num);
+  answers.clearance_gradient = memory.take<double>(6 * num);
+  answers.decided = memory.take<std::int32_t>(num);
+  auto* const hits = memory.take<std::uint8_t>(num);
+  const auto require = [&](const Status& status) {
+    if (!status) stop(status.error());
+  };
+  require(memory.status());
+  const auto add = [&](const char* name, const auto& ask) {
+    const double time = best_time(
+        7,
+        [&] {
+          require(ask());
+          require(stream.wait(60));
+        },
+        place);
+    const double enqueued = best_time(
+        7, [&] { require(ask()); }, place);
+    require(stream.wait(60));
+    const std::string row = name + tail + "/arrays-there";
+    rows->add(row, static_cast<double>(num) / time, "poses/s", 5e7);
+    rows->add(row + "/enqueue", facts("us=%.1f poses=%zu", 1e6 * enqueued, num));
+  };
+  add("clearance", [&] { return contact.measure(scene, there, answers, queue); });
+  std::vector<double> fetched(num);
+  stream.copy(fetched.data(), answers.clearance, num * sizeof(double));
+  require(stream.wait(60));
+  std::size_t num_other = 0;
+  for (std::size_t i = 0; i < num; ++i) num_other += fetched[i] != here.clearance[i];
+  rows->add("clearance" + tail + "/arrays-there/over-arrays-here",
+            facts("other_bits=%zu poses=%zu", num_other, num));
+  add("any", [&] { return contact.any(scene, there, 0.005, hits, queue); });
+}
+#endif
+
 /// A finger at many poses: clearance with its gradient, and yes or no.
 void rate(const Place& place) {
   const SeenWall seen(place);
@@ -101,6 +151,9 @@ void rate(const Place& place) {
     const double any = best_time(
         7, [&] { require(contact.any(seen.scene, {poses}, 0.005, hits.data())); }, place);
     rows->add("any" + tail, num / any, "poses/s", is_gpu ? 5e7 : is_view ? 2e6 : 1e6);
+#if defined(PALPATE_CUDA)
+    if (is_gpu) rate_there(contact, seen.scene, poses, found, tail, place);
+#endif
   }
 }
 
@@ -296,7 +349,7 @@ void one_pose() {
   const SeenWall seen;
   const Tool& tool = finger_tool(1000);
   const SceneContact contact = contact_of(tool);
-  const auto query = value_or_stop(make_contact_query(Backend::cpu, tool));
+  const auto query = value_or_stop(make_contact_query(Place::cpu(), tool));
   const std::vector<Pose> poses = finger_poses(2000, Where::surface);
   std::vector<double> ratios;
   for (int turn = 0; turn < 30; ++turn) {

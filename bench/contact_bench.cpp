@@ -50,7 +50,7 @@ void query(benchmark::State& state) {
   const std::vector<Pose> poses = random_poses(static_cast<double>(state.range(2)) / 100);
   ThreadPool pool(static_cast<int>(state.range(3)));
   const ContactMethod method = contact_method(options_of(static_cast<int>(state.range(0)))).value();
-  const auto contact = make_contact_query(Backend::cpu, tool, method, {best_isa(), &pool}).value();
+  const auto contact = make_contact_query(Place::cpu(), tool, method, {best_isa(), &pool}).value();
   const SurfaceView surface{bumpy_wall().view(), {}};
   std::size_t i = 0;
   double num_boundary = 0, num_inside = 0;

@@ -31,7 +31,7 @@ Tool ball_of_spheres() {
 }
 
 std::unique_ptr<ContactQuery> query_of(const Tool& tool) {
-  return make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
+  return make_contact_query(Place::cpu(), tool, FieldMethod{}).value();
 }
 
 /// Returns the share of the tool, a ball, inside a solid.

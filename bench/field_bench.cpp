@@ -32,7 +32,7 @@ void field_query(benchmark::State& state) {
   DepthField field = std::move(DepthField::create(640, 480)).value();
   field.update(bumpy_wall().view(), pool);
   const auto contact =
-      make_contact_query(Backend::cpu, tool, FieldMethod{}, {best_isa(), &pool}).value();
+      make_contact_query(Place::cpu(), tool, FieldMethod{}, {best_isa(), &pool}).value();
   const SurfaceView surface{{}, field.view()};
   std::size_t i = 0;
   double num_inside = 0;
@@ -70,7 +70,7 @@ void field_live(benchmark::State& state) {
   from.update(bumpy_wall().view(), pool);
   to.update(bumpy_wall().view(), pool);
   const auto contact =
-      make_contact_query(Backend::cpu, tool, FieldMethod{}, {best_isa(), &pool}).value();
+      make_contact_query(Place::cpu(), tool, FieldMethod{}, {best_isa(), &pool}).value();
   const SurfaceView old_surface{{}, from.view()}, new_surface{{}, to.view()};
   std::size_t i = 0;
   Latency latency(state);

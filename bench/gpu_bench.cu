@@ -100,8 +100,8 @@ void measure_floor() {
 }
 
 std::unique_ptr<ContactQuery> query_by(const Tool& tool, MethodKind method, int gpu) {
-  return value_or_stop(make_contact_query(
-      Backend::cuda, tool, value_or_stop(contact_method({.method = method})), {.gpu = gpu}));
+  return value_or_stop(make_contact_query(Place::cuda(gpu), tool,
+                                          value_or_stop(contact_method({.method = method}))));
 }
 
 // Pose to wrench on the host.
@@ -146,8 +146,7 @@ void measure_bodies(int num_spheres) {
   const Tool& tool = cube_tool(num_spheres);
   for (const bool is_coarse : {false, true}) {
     const Tool& other = is_coarse ? cube_tool(100) : tool;
-    const auto query =
-        value_or_stop(make_body_pair_query(Backend::cuda, tool, other, {.gpu = options.gpu}));
+    const auto query = value_or_stop(make_body_pair_query(Place::cuda(options.gpu), tool, other));
     for (const int depth : {10, 50, 100}) {
       const std::vector<Pose> poses = overlapping_poses(depth / 100.0);
       std::size_t i = 0;
@@ -166,7 +165,7 @@ void measure_bodies(int num_spheres) {
 void measure_hull(int num_spheres) {
   const Tool& tool = cube_tool(num_spheres);
   const auto query =
-      value_or_stop(make_contact_query(Backend::cuda, tool, FieldMethod{}, {.gpu = options.gpu}));
+      value_or_stop(make_contact_query(Place::cuda(options.gpu), tool, FieldMethod{}));
   const std::vector<Pose> poses = random_poses(0.1);
   for (const bool with_stiffness : {false, true}) {
     for (const int num_cameras : {1, 2, 3, 4}) {

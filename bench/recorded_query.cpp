@@ -82,9 +82,9 @@ Status time_queries(const std::filesystem::path& folder) {
 Status weigh_query(int side) {
   const Tool tool = test::block_of_spheres(side);
   const auto index = ToolIndex::create(tool);
-  const auto first = make_contact_query(Backend::cpu, index, FieldMethod{});
+  const auto first = make_contact_query(Place::cpu(), index, FieldMethod{});
   const std::size_t before = test::num_allocated_bytes();
-  const auto second = make_contact_query(Backend::cpu, index, FieldMethod{});
+  const auto second = make_contact_query(Place::cpu(), index, FieldMethod{});
   const std::size_t beyond = test::num_allocated_bytes() - before;
   std::printf("{\"spheres\": %zu, \"index\": %zu, \"query\": %zu}\n", tool.spheres().size(),
               index->num_bytes(), beyond);

@@ -52,7 +52,7 @@ void measure(const Case& c, const SurfaceView& surface, Isa isa, int num_rounds)
       {}, {.noise = true}, {.stiffness = true}, {.stiffness = true, .noise = true}};
   constexpr int num_calls = 4;
   const auto query =
-      make_contact_query(Backend::cpu, c.tool, FieldMethod{}, {isa, nullptr}).value();
+      make_contact_query(Place::cpu(), c.tool, FieldMethod{}, {isa, nullptr}).value();
   double least[] = {1e9, 1e9, 1e9, 1e9};
   for (int round = 0; round < num_rounds; ++round) {
     for (int k = 0; k < 4; ++k) {

@@ -62,7 +62,7 @@ PYTHON
 
 echo "== tests"
 status=0
-python3 -m pytest -q -rs -p no:cacheprovider python/tests/test_gpu.py python/tests/test_gpu_gradients.py python/tests/test_batch.py python/tests/test_contact.py \
+python3 -m pytest -q -rs -p no:cacheprovider python/tests/gpu python/tests/test_batch.py python/tests/test_contact.py \
   python/tests/test_surface.py python/tests/test_torch.py || status=$?
 
 echo "== what a call costs"

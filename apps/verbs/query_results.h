@@ -35,7 +35,7 @@ struct QueryOptions {
 struct QueryMeasurement {
   Penetration penetration;
   BodyMeasure shares;  ///< of cloud and objects
-  /// Penetration::unseen_volume; none if unknown: with one camera on a GPU.
+  /// Penetration::unseen_volume; none with a point method.
   std::optional<double> unseen;
   std::vector<int> decided;  ///< spheres in contact decided by each camera; last: by none
   double seconds = 0;

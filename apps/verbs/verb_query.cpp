@@ -36,7 +36,7 @@ namespace {
 constexpr std::size_t kManySpheres = 127 * 32 + 1;
 
 struct ChosenQuery {
-  Backend backend = Backend::cpu;
+  Place place;
   std::unique_ptr<ContactQuery> query;
 };
 
@@ -47,27 +47,26 @@ Result<ChosenQuery> choose_query(const RunSettings& settings, const Tool& tool, 
   if (!method) return method.error();
   const auto index = ToolIndex::create(tool);
   ExecutionOptions execution;
-  execution.gpu = settings.contact_gpu;
   if (settings.num_threads > 1) execution.pool = &pool;
-  Backend backend = settings.backend.value_or(Backend::cuda);
-  auto query = make_contact_query(backend, index, *method, execution);
+  Place place{settings.backend.value_or(Backend::cuda), settings.contact_gpu};
+  auto query = make_contact_query(place, index, *method, execution);
   if (!query && !settings.backend) {
     note_backend(query.error().message);
-    query = make_contact_query(backend = Backend::cpu, index, *method, execution);
+    query = make_contact_query(place = Place::cpu(), index, *method, execution);
   }
   if (!query) return query.error();
-  return ChosenQuery{backend, *std::move(query)};
+  return ChosenQuery{place, *std::move(query)};
 }
 
 /// Computes the unseen volume at a pose, and the number of spheres that each camera decided.
-void find_evidence(const ContactQuery& query, Backend backend,
-                   std::span<const SurfaceBlend> cameras, QueryMeasurement& at) {
+void find_evidence(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
+                   QueryMeasurement& at) {
   SpherePicture spheres;
   spheres.resize(query.index()->tool().spheres().size());
   ContactWants wants = spheres.wants();
   wants.unseen_volume = true;
   const Penetration seen = query.measure(cameras, at.X_WT, wants).penetration;
-  if (backend == Backend::cpu || cameras.size() > 1) at.unseen = seen.unseen_volume;
+  at.unseen = seen.unseen_volume;
   at.decided.assign(cameras.size() + 1, 0);
   for (std::size_t i = 0; i < spheres.states.size(); ++i) {
     if (spheres.states[i] == SphereState::outside) continue;
@@ -185,11 +184,9 @@ Status run(const QueryOptions& given) {
   const int body = world.add_tool(*tool, std::move(chosen->query));
   world.set_wants(body, {.noise = options.std});
   for (const SceneObject& object : *objects) world.add_object(*object.shape, object.X_WB);
-  if (chosen->backend != Backend::cpu) {
+  if (chosen->place.backend != Backend::cpu) {
     const Status status = world.measure_pairs_by([&](const auto& a, const auto& b) {
-      return make_body_pair_query(
-          chosen->backend, a, b,
-          {.method = options.settings.contact.bodies, .gpu = options.settings.contact_gpu});
+      return make_body_pair_query(chosen->place, a, b, {.method = options.settings.contact.bodies});
     });
     if (!status) return status.error();
   }
@@ -204,7 +201,7 @@ Status run(const QueryOptions& given) {
     measurements.push_back(
         {measured.total(), measured, {}, {}, elapsed.count(), X_WT, measured.noise, {}, -1, {}});
     if (options.settings.contact.method == MethodKind::field) {
-      find_evidence(query, chosen->backend, scene->views(), measurements.back());
+      find_evidence(query, scene->views(), measurements.back());
     }
     if (measured.total().status.has(StepStatus::backend_failed)) return lost_backend();
   }
@@ -229,8 +226,8 @@ Status run(const QueryOptions& given) {
         "up to four times too large; with --spheres 2000 it is not");
   }
   if (options.json) {
-    print_results_json(options, options.settings, *tool, scene->X_WC().front(), chosen->backend,
-                       scene->num_usable(), tool_volume, measurements);
+    print_results_json(options, options.settings, *tool, scene->X_WC().front(),
+                       chosen->place.backend, scene->num_usable(), tool_volume, measurements);
   } else {
     print_results_table(options, tool_volume, measurements);
     // Other methods have no volume behind a surface either, and objects may be nearer.

@@ -59,7 +59,7 @@ struct Found {
 };
 
 std::unique_ptr<BodyPairQuery> query(const Tool& a, const Tool& b, BodyMethod method) {
-  return make_body_pair_query(Backend::cpu, a, b, {.method = method}).value();
+  return make_body_pair_query(palpate::Place::cpu(), a, b, {.method = method}).value();
 }
 
 Found found_of(const Tool& a, const Tool& b, BodyMethod method, int num_poses, Work& work) {

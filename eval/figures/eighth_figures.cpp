@@ -45,7 +45,7 @@ Result<double> wall_stiffness(Context& context, const char* shape, double size,
                               const RenderedScene& wall) {
   const auto tool = context.tool(shape, size, context.choose(2000, 300));
   if (!tool) return tool.error();
-  const auto query = make_contact_query(Backend::cpu, **tool);
+  const auto query = make_contact_query(palpate::Place::cpu(), **tool);
   if (!query) return query.error();
   const double whole = full_volume(**tool, ContactOptions{});
   double most = 0;

@@ -196,7 +196,7 @@ std::vector<Share> measure_probes(const Seen& seen, std::span<const Pose> X_WC, 
                                   const std::vector<Probe>& probes) {
   const ContactOptions options;
   const auto query =
-      make_contact_query(Backend::cpu, tool, contact_method(options).value()).value();
+      make_contact_query(palpate::Place::cpu(), tool, contact_method(options).value()).value();
   std::vector<SurfaceBlend> cameras;
   for (std::size_t k = 0; k < 2; ++k) {
     SurfaceView surface = seen.surfaces[k];

@@ -161,7 +161,7 @@ Measure query_measure(const Tool& tool, const RenderedScene& scene, const Contac
   execution.pool = pool;
   const ContactMethod method = contact_method(options).value();
   const std::shared_ptr<const ContactQuery> query =
-      make_contact_query(Backend::cpu, tool, method, execution).value();
+      make_contact_query(Place::cpu(), tool, method, execution).value();
   const SurfaceView surface{scene.surface.cloud(), scene.field.view()};
   return {full_volume(tool, options),
           [query, surface](const Pose& X_WT) { return query->measure(surface, X_WT).penetration; }};

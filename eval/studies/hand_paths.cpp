@@ -127,7 +127,7 @@ Result<HandPath> hand_path(const FrozenFrame& frame, const Tool& tool, double me
   const auto feeler =
       tool.prefix(static_cast<int>(std::min<std::size_t>(1000, tool.spheres().size())));
   if (!feeler) return feeler.error();
-  auto query = make_contact_query(Backend::cpu, *feeler);
+  auto query = make_contact_query(palpate::Place::cpu(), *feeler);
   if (!query) return query.error();
   const Vec3d center_T = tool.sphere_mass().center_of_mass;
   const double whole = full_volume(*feeler, ContactOptions{});

@@ -27,7 +27,7 @@ class MethodQueries {
   MethodQueries(Backend backend, const Tool& tool, const ExecutionOptions& execution = {})
       : MethodQueries(ToolIndex::create(tool),
                       [=](std::shared_ptr<const ToolIndex> index, const ContactMethod& method) {
-                        return make_contact_query(backend, std::move(index), method, execution);
+                        return make_contact_query({backend}, std::move(index), method, execution);
                       }) {}
   MethodQueries(Backend, const Tool&&, const ExecutionOptions& = {}) = delete;
 

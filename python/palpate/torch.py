@@ -1,9 +1,9 @@
 """Differentiable contact for PyTorch: palpate.torch.penetration, wrench and clearance.
 
-With surfaces in host memory, volume, potential and wrench are computed in double, element by element: the
-exact derivatives of the field measure. With surfaces on a GPU they are those of Contact.measure_batch, in one
-launch in PyTorch's current stream: nothing leaves the GPU, and a CUDA graph can capture all of it after one
-call with the same tool outside of the capture.
+With one surface in host memory, volume, potential and wrench are computed in double, element by element: the
+exact derivatives of the field measure. With surfaces or scenes on a GPU they are those of Contact.measure_batch,
+in PyTorch's current stream: nothing leaves the GPU, and a CUDA graph can capture all of it after one call with
+the same tool and scene outside of the capture.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ ToolOrContact = Union[_core.Tool, _core.Contact]
 _contacts: "weakref.WeakKeyDictionary[_core.Tool, Dict[str, _core.Contact]]" = weakref.WeakKeyDictionary()
 _differentiated: "weakref.WeakKeyDictionary[ToolOrContact, _core.Differentiated]" = weakref.WeakKeyDictionary()
 _centers: "weakref.WeakKeyDictionary[ToolOrContact, Dict[torch.device, torch.Tensor]]" = weakref.WeakKeyDictionary()
+_spheres: "weakref.WeakKeyDictionary[_core.Contact, Dict[torch.device, torch.Tensor]]" = weakref.WeakKeyDictionary()
+_identities: Dict[torch.device, torch.Tensor] = {}
 
 
 class Penetration(NamedTuple):
@@ -79,7 +81,7 @@ def _measure(asked: _Question, poses: torch.Tensor, with_stiffness: bool) -> _Fo
     tool, scene, surface_of_pose = asked
     if isinstance(scene, _core.Scene) and scene.unseen == "solid" and not scene.bodies and len(scene.cameras) == 1:
         scene = scene.cameras[0]
-    if isinstance(scene, (_core.Surface, _core.Surfaces)) and scene.place != "cpu":
+    if _place_of(scene) != "cpu":
         return _measure_on_gpu(_Question(tool, scene, surface_of_pose), poses, with_stiffness)
     numbers = np.ascontiguousarray(poses.detach().to("cpu", torch.float64).numpy())
     if not isinstance(scene, _core.Surface):
@@ -97,10 +99,9 @@ def _measure(asked: _Question, poses: torch.Tensor, with_stiffness: bool) -> _Fo
 
 
 def _measure_on_gpu(asked: _Question, poses: torch.Tensor, with_stiffness: bool) -> _Found:
-    if poses.ndim != 2:
-        raise ValueError("poses: surfaces on a GPU take (P, 7), tx ty tz qx qy qz qw")
-    device = torch.device(asked.scene.place)
-    there = poses.detach().to(device, torch.float64)
+    place = _place_of(asked.scene)
+    device = torch.device(place)
+    there = _numbers(poses, device)
     there = torch.cat([there[:, :3], there[:, 3:] / there[:, 3:].norm(dim=1, keepdim=True)], 1)
 
     def empty(*shape: int) -> torch.Tensor:
@@ -110,7 +111,7 @@ def _measure_on_gpu(asked: _Question, poses: torch.Tensor, with_stiffness: bool)
     if with_stiffness:
         found["stiffness"] = empty(6, 6)
     which = asked.surface_of_pose
-    _contact_of(asked.tool, asked.scene.place).measure_batch(
+    _contact_of(asked.tool, place).measure_batch(
         asked.scene,
         there,
         surface_of_pose=None if which is None else which.to(device, torch.int32),
@@ -120,6 +121,13 @@ def _measure_on_gpu(asked: _Question, poses: torch.Tensor, with_stiffness: bool)
     )
     wrench_W = torch.cat([found["force"], found["torque"]], 1)
     return _Found(found["volume"], found["potential"], None, wrench_W, found.get("stiffness"))
+
+
+def _numbers(poses: torch.Tensor, device: torch.device) -> torch.Tensor:
+    """The poses as Contact.measure_batch takes them on a device."""
+    if poses.ndim != 2 and device.type != "cpu":
+        raise ValueError("poses: surfaces on a GPU take (P, 7), tx ty tz qx qy qz qw")
+    return poses.detach().to(device, torch.float64).contiguous()
 
 
 def _center_of(tool: ToolOrContact, device: torch.device) -> torch.Tensor:
@@ -137,16 +145,18 @@ def _by_pose(by_motion: torch.Tensor, asked: _Question, poses: torch.Tensor) -> 
     """
     inside = poses.to(by_motion)
     p_TC = _center_of(asked.tool, by_motion.device)
-    by_shift, by_turn = by_motion[:, :3], by_motion[:, 3:]
+    by_shift, by_turn = by_motion.split(3, 1)  # in derivatives one launch, unlike slices
     if poses.ndim == 2:
-        # Poses that are no poses have no force; there the identity stands for them.
-        is_pose = inside.isfinite().all(1, keepdim=True) & inside[:, 3:].any(1, keepdim=True)
-        q = torch.where(is_pose, inside[:, 3:], torch.nn.functional.pad(torch.zeros_like(by_shift), (0, 1), value=1.0))
-        by_turn = by_turn + torch.linalg.cross(_rotated(q, p_TC), by_shift)
+        # Every operation is a launch on a GPU, and more in derivatives. Poses that are no poses have no force;
+        # there the identity stands for them.
+        _, q = inside.split([3, 4], 1)
+        length2 = q.detach().square().sum(1, keepdim=True)
+        q = torch.where((length2 > 0) & (length2 < torch.inf), q, _identity(q.device))
         # turn = 2 vec(dq q*) / |q|^2, for any length of q
-        by_turn = by_turn * (2 / (q * q).sum(1, keepdim=True))
-        axis, w = q[:, :3], q[:, 3:]
-        by_axis = w * by_turn + torch.linalg.cross(by_turn, axis)
+        per_length = 2 / q.square().sum(1, keepdim=True)
+        axis, w = q.split([3, 1], 1)
+        by_turn = (by_turn + torch.linalg.cross(_rotated(axis, w, p_TC, per_length), by_shift)) * per_length
+        by_axis = torch.addcmul(torch.linalg.cross(by_turn, axis), w, by_turn)
         return torch.cat([by_shift, by_axis, -(by_turn * axis).sum(1, keepdim=True)], 1).to(poses)
     R = inside[:, :3, :3]
     by_turn = by_turn + torch.linalg.cross(R @ p_TC, by_shift)
@@ -156,12 +166,17 @@ def _by_pose(by_motion: torch.Tensor, asked: _Question, poses: torch.Tensor) -> 
     return torch.nn.functional.pad(top, (0, 0, 0, 1)).to(poses)
 
 
-def _rotated(q: torch.Tensor, v: torch.Tensor) -> torch.Tensor:
-    unit = q / q.norm(dim=1, keepdim=True)
-    axis, w = unit[:, :3], unit[:, 3:]
-    fixed = v.expand(q.shape[0], 3)
+def _identity(device: torch.device) -> torch.Tensor:
+    if device not in _identities:
+        _identities[device] = torch.tensor([0, 0, 0, 1], dtype=torch.float64, device=device)
+    return _identities[device]
+
+
+def _rotated(axis: torch.Tensor, w: torch.Tensor, v: torch.Tensor, per_length: torch.Tensor) -> torch.Tensor:
+    """v (P, 3) or (3,), rotated by quaternions q = (axis, w) of any length; per_length: 2 / |q|^2."""
+    fixed = v.expand(len(axis), 3)
     once = torch.linalg.cross(axis, fixed)
-    return fixed + 2 * (w * once + torch.linalg.cross(axis, once))
+    return torch.addcmul(fixed, per_length, torch.addcmul(torch.linalg.cross(axis, once), w, once))
 
 
 class _Wrench(torch.autograd.Function):
@@ -169,7 +184,7 @@ class _Wrench(torch.autograd.Function):
     def forward(ctx: Any, poses: torch.Tensor, asked: _Question, found: _Found) -> torch.Tensor:
         ctx.asked, ctx.stiffness = asked, found.stiffness
         ctx.save_for_backward(poses)
-        return found.wrench_W.clone()
+        return found.wrench_W.detach()  # another tensor over the same numbers
 
     @staticmethod
     @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
@@ -240,9 +255,9 @@ def penetration(
     derivative; on a GPU, with several cameras or bodies the volume has no gradient. For (P, 4, 4) it is the
     gradient along rotations.
 
-    Surfaces on a GPU: one launch in PyTorch's current stream; poses (P, 7). second: measure the stiffness in
-    the same launch; without it a second derivative is a launch more. Poses that are not finite, or
-    have a quaternion of zeros, give zero.
+    Surfaces and scenes on a GPU: one launch in PyTorch's current stream; poses (P, 7). second: measure the
+    stiffness in the same launch; without it a second derivative is a launch more. Poses that are not finite,
+    or have a quaternion of zeros, give zero.
     """
     volume, potential = _Penetration.apply(_checked(poses), _asked(tool, scene, surface_of_pose), second)  # type: ignore[no-untyped-call]
     return Penetration(volume, potential)
@@ -260,23 +275,45 @@ def clearance(
 
     tool: a tool, or a contact with one or several, of which tool_of_pose (P,) are the indices. poses:
     as in `penetration`. The gradient is exact for the nearest sphere and what it is near to; where
-    that changes the clearance has a kink. Second derivatives are those of a sphere before a plane.
+    that changes the clearance has a kink. Second derivatives are those of a sphere before a plane. On a GPU
+    nothing leaves it; tool_of_pose is in host memory.
     Beyond `limit` (m) the clearance is constant.
     """
-    contact = _contact_of(tool, _place_of(scene))
-    numbers = np.ascontiguousarray(_checked(poses).detach().to("cpu", torch.float64).numpy())
-    batch = contact.measure_batch(scene, numbers, clearance=True, limit=limit, tool_of_pose=tool_of_pose)
-    tools = contact.tools
-    which = np.zeros(len(numbers), int) if tool_of_pose is None else np.asarray(tool_of_pose)
-    spheres = np.array([tools[k].spheres[max(i, 0), :3] for k, i in zip(which, batch.nearest)]).reshape(-1, 3)
-    c_T = torch.from_numpy(spheres).to(poses)
-    normal = torch.from_numpy(np.array(batch.clearance_gradient[:, :3])).to(poses)
+    place = _place_of(scene)
+    contact, device = _contact_of(tool, place), torch.device(place)
+    there = _numbers(_checked(poses), device)
+    value, gradient = (there.new_empty(len(there), *shape) for shape in ((), (6,)))
+    nearest = torch.empty(len(there), dtype=torch.int32, device=device)
+    contact.measure_batch(
+        scene,
+        there,
+        clearance=True,
+        limit=limit,
+        tool_of_pose=tool_of_pose,
+        out=_core.Batch(clearance=value, clearance_gradient=gradient, nearest=nearest),
+        stream=None if place == "cpu" else torch.cuda.current_stream(device),
+    )
+    number = nearest.clamp(min=0).long()
+    if tool_of_pose is not None:
+        first = np.cumsum([0] + [len(each.spheres) for each in contact.tools])
+        number = number + torch.from_numpy(first[np.asarray(tool_of_pose)]).to(device)
+    c_T = _centers_of_spheres(contact, device)[number].to(poses)
+    normal = gradient[:, :3].to(poses)
     if poses.ndim == 2:
-        c_W = poses[:, :3] + _rotated(poses[:, 3:], c_T)
+        q = poses[:, 3:]
+        c_W = poses[:, :3] + _rotated(q[:, :3], q[:, 3:], c_T, 2 / q.square().sum(1, keepdim=True))
     else:
         c_W = poses[:, :3, 3] + (poses[:, :3, :3] @ c_T[:, :, None])[:, :, 0]
-    value = torch.from_numpy(np.array(batch.clearance)).to(poses)
-    return value + (normal * (c_W - c_W.detach())).sum(1)
+    return value.to(poses) + (normal * (c_W - c_W.detach())).sum(1)
+
+
+def _centers_of_spheres(contact: _core.Contact, device: torch.device) -> torch.Tensor:
+    """Those of all tools, one tool after the other."""
+    by_device = _spheres.setdefault(contact, {})
+    if device not in by_device:
+        centers = np.concatenate([tool.spheres[:, :3] for tool in contact.tools]).astype(np.float64)
+        by_device[device] = torch.from_numpy(centers).to(device)
+    return by_device[device]
 
 
 def wrench(

@@ -222,6 +222,14 @@ std::span<const Pose> poses_in(const Doubles& numbers, const char* name,
   return converted;
 }
 
+std::span<const Pose> poses_on_gpu(const AnyArray& array, const char* name) {
+  if (array.ndim() != 2 || array.shape(1) != 7) {
+    refuse_shape(name, shape_of(array), "(P, 7), which it has to be on a GPU");
+  }
+  require_dense(array, name, nb::dtype<double>());
+  return {static_cast<const Pose*>(array.data()), array.shape(0)};
+}
+
 std::vector<Pose> poses_of(nb::handle given, const char* name) {
   const Doubles numbers = doubles_of(given, name);
   std::vector<Pose> converted, poses;

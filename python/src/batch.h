@@ -49,6 +49,9 @@ struct PyBatch {
   }
 };
 
+/// Makes one for `num` poses, of zeros. palpate.Error: no memory left.
+std::unique_ptr<PyBatch> make_batch(std::size_t num, bool with_stiffness, bool with_std, int gpu);
+
 /// Adds properties for the results of scenes, which are there only if they were requested; in
 /// bind_scene_batch.cpp.
 void add_scene_results(nb::class_<PyBatch>& batch);

@@ -68,8 +68,8 @@ class PyContact {
     if (body_batch_ == nullptr ||
         !std::equal(bodies.begin(), bodies.end(), bodies_.begin(), bodies_.end(), is_same)) {
       if (body_pool_ == nullptr) body_pool_ = std::make_unique<ThreadPool>(0);
-      auto made = make_body_batch_query(place_.backend, contact_.query().index(), bodies, {},
-                                        body_pool_.get());
+      auto made =
+          make_body_batch_query(place_, contact_.query().index(), bodies, {}, body_pool_.get());
       if (!made) return made.error();
       body_batch_ = *std::move(made);
       bodies_ = bodies;
@@ -100,26 +100,24 @@ class PyContact {
   std::mutex mutex_;
 };
 
+struct PyBatch;
+
 /// Requested results of a scene.
 struct SceneWants {
   bool stiffness = false, noise = false, clearance = false, per_sphere = false, unseen = false;
   double limit = kClearanceLimit, smoothing = 0;
 };
-/// The results of P poses; `more` are those by name.
-struct SceneMeasured {
-  std::vector<double> volume, potential, force, torque, stiffness, deviations;
-  std::vector<std::uint32_t> status;
-  nb::dict more;
+/// Poses and scene of a question; None: not given.
+struct SceneQuestion {
+  nb::handle scene, poses;
+  nb::handle tool_of_pose = nb::none(), group_of_pose = nb::none(), stream = nb::none();
 };
-/// Arrays of the caller for `num` poses.
-struct SceneOut {
-  SceneAnswers answers;
-  std::size_t num = 0;
-};
-/// Measures P poses in a scene; in bind_scene.cpp. With `out` these arrays alone.
-SceneMeasured measure_scene(PyContact& self, nb::handle given, nb::handle poses, SceneWants wants,
-                            nb::handle tool_of_pose, nb::handle group_of_pose,
-                            const SceneOut* out = nullptr);
+/// Measures P poses in a scene, into arrays where the poses are; in bind_scene.cpp.
+std::unique_ptr<PyBatch> measure_scene(PyContact& self, const SceneQuestion& question,
+                                       SceneWants wants);
+/// The same into arrays of the caller.
+void measure_scene(PyContact& self, const SceneQuestion& question, const SceneWants& wants,
+                   const PyBatch& out);
 /// The scene of an argument, and what keeps it alive.
 struct HeldScene {
   Scene scene;

@@ -85,8 +85,7 @@ Status MovingBodies::add(const std::vector<SceneObject>& objects, const Place& p
                    })->shape;
     }
     body.index = index;
-    auto query = make_contact_query(place.backend, index, FieldMethod{},
-                                    {.pool = threads, .gpu = place.gpu});
+    auto query = make_contact_query(place, index, FieldMethod{}, {.pool = threads});
     if (!query) return query.error();
     body.cloud = *std::move(query);
     body.reach = reach;
@@ -127,7 +126,7 @@ Status MovingBodies::add_pairs(const Place& place) {
   }
   const auto add = [&](Pair pair, const std::shared_ptr<const ToolIndex>& b,
                        double mass) -> Status {
-    auto query = make_body_pair_query(place.backend, shown(pair.a).index, b, {.gpu = place.gpu});
+    auto query = make_body_pair_query(place, shown(pair.a).index, b);
     if (!query) return query.error();
     pair.query = *std::move(query);
     pairs_.push_back(std::move(pair));

@@ -74,7 +74,7 @@ ContactOptions contact_options(const ContactMethod& method) {
   return std::visit(Options{}, method);
 }
 
-Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend,
+Result<std::unique_ptr<ContactQuery>> make_contact_query(const Place& place,
                                                          std::shared_ptr<const ToolIndex> index,
                                                          const ContactMethod& method,
                                                          const ExecutionOptions& execution) {
@@ -86,7 +86,7 @@ Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend,
                      std::to_string(num_spheres) +
                      "; pack it with fewer, or choose another priority"};
   }
-  switch (backend) {
+  switch (place.backend) {
     case Backend::cpu: {
       const auto* field = std::get_if<FieldMethod>(&method);
       if (field == nullptr) return make_point_contact(std::move(index), method, execution);
@@ -96,16 +96,16 @@ Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend,
     case Backend::cuda: break;
   }
 #if defined(PALPATE_CUDA)
-  return make_contact_query_cuda(std::move(index), method, execution);
+  return make_contact_query_cuda(std::move(index), method, place.gpu);
 #else
   return find_gpus().error();
 #endif
 }
 
-Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend, const Tool& tool,
+Result<std::unique_ptr<ContactQuery>> make_contact_query(const Place& place, const Tool& tool,
                                                          const ContactMethod& method,
                                                          const ExecutionOptions& execution) {
-  return make_contact_query(backend, ToolIndex::create(tool), method, execution);
+  return make_contact_query(place, ToolIndex::create(tool), method, execution);
 }
 
 Result<Contact> Contact::create(const Tool& tool, const ContactMethod& method, const Place& place,
@@ -116,7 +116,7 @@ Result<Contact> Contact::create(const Tool& tool, const ContactMethod& method, c
     num_threads = static_cast<int>(std::min(cores, 1 + tool.spheres().size() / kSpheresPerThread));
   }
   auto pool = std::make_unique<ThreadPool>(num_threads);
-  auto query = make_contact_query(place.backend, tool, method, {best_isa(), pool.get(), place.gpu});
+  auto query = make_contact_query(place, tool, method, {best_isa(), pool.get()});
   if (!query) return query.error();
   return Contact(tool, place, std::move(pool), *std::move(query));
 }

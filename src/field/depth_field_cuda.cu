@@ -41,6 +41,10 @@ __global__ void __launch_bounds__(kThreads)
     if (job.fills_runs) *pixel(job, arrays.nearest, 0, u, v) = quad[k];
   });
   if (has_hole) shared.has_hole = 1;
+  if (job.filled != nullptr && threadIdx.x < kSquare) {
+    const int v = place.square_v * kSquare + static_cast<int>(threadIdx.x);
+    if (v < job.layout.levels[0].height) job.filled[v * job.squares_wide + place.square_u] = 0;
+  }
   complete_quad(job, place, quad);
   widen_square(job, place, quad, job.num_filled, Choice::nearest, arrays.nearest, nullptr,
                shared.square.levels);
@@ -127,6 +131,10 @@ Result<DepthFieldCuda> DepthFieldCuda::create(int width, int height,
                 memory.take<DepthTile>(static_cast<std::size_t>(num_fields) * layout->num_tiles())};
   job.has_hole = memory.take<int>(static_cast<std::size_t>(num_at_once) *
                                   static_cast<std::size_t>(job.num_squares()));
+  if (num_fields == 1 && job.fills_runs) {
+    job.filled = memory.take<std::uint32_t>(static_cast<std::size_t>(job.squares_wide) *
+                                            static_cast<std::size_t>(height));
+  }
   if (!memory.status()) return memory.status().error();
   return DepthFieldCuda(std::move(memory), job, options);
 }
@@ -187,6 +195,8 @@ void DepthFieldCuda::enqueue(FieldJob job, const PointCloudView& cloud, int num,
   view_ = job.layout.view(arrays.planes, arrays.silhouettes, arrays.near_silhouette, arrays.tiles,
                           options_);
   view_.intrinsics = cloud.intrinsics;
+  view_.filled_behind = job.filled;
+  view_.filled_stride = job.squares_wide;
   view_.gpu = memory_.gpu();
   view_.stamp = next_stamp();
 }

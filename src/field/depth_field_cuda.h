@@ -46,6 +46,8 @@ struct FieldJob {
   std::ptrdiff_t points_apart = 0;                   ///< from one image's points to the next
   const TangentPlane* given = nullptr;  ///< planes of all points, if they are not the cloud's
   int* has_hole = nullptr;              ///< of each block's square of level 0, field after field
+  /// DepthFieldView::filled_behind: a word for each row of a square. Null: of many fields.
+  std::uint32_t* filled = nullptr;
   int squares_wide = 0, squares_high = 0;
   RimTiling rim;
   /// The first block that looks for silhouettes in a level; the last entry is their number.

@@ -57,10 +57,10 @@ void ContactPart::take_over(const ContactPart& before) noexcept {
   if (moving_ && before.moving_) moving_->take_over(*before.moving_);
 }
 
-Status ContactPart::measure_pairs_at(Backend backend, int gpu) {
-  if (backend == Backend::cpu) return Done{};
+Status ContactPart::measure_pairs_at(const Place& place) {
+  if (place.backend == Backend::cpu) return Done{};
   return world_.measure_pairs_by([&](const auto& a, const auto& b) {
-    return make_body_pair_query(backend, a, b, {.method = bodies_, .gpu = gpu});
+    return make_body_pair_query(place, a, b, {.method = bodies_});
   });
 }
 

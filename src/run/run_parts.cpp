@@ -171,7 +171,6 @@ Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const Too
                                                        const ContactScale& scale,
                                                        ThreadPool* threads) {
   ExecutionOptions execution;
-  execution.gpu = settings.contact_gpu;
   execution.pool = threads;
   execution.reserves_noise = settings.wants_std;
   const auto method = contact_method(settings.contact);
@@ -183,18 +182,18 @@ Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const Too
     index = *std::move(thinned);
   }
   const Tool& tool = index->tool();
-  auto query = make_contact_query(backend_of(settings), std::move(index), *method, execution);
+  const Place place{backend_of(settings), settings.contact_gpu};
+  auto query = make_contact_query(place, std::move(index), *method, execution);
   if (!query) return query.error();
   std::unique_ptr<MovingBodies> moving;
   if (has_moving_objects(settings)) {
-    auto made = MovingBodies::create(settings.objects, settings.bodies,
-                                     {backend_of(settings), settings.contact_gpu}, threads);
+    auto made = MovingBodies::create(settings.objects, settings.bodies, place, threads);
     if (!made) return made.error();
     moving = *std::move(made);
   }
   auto part = std::make_unique<ContactPart>(tool, *std::move(query), scale, settings.objects,
                                             settings.contact.bodies, std::move(moving));
-  const Status status = part->measure_pairs_at(backend_of(settings), settings.contact_gpu);
+  const Status status = part->measure_pairs_at(place);
   if (!status) return status.error();
   return part;
 }

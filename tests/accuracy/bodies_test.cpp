@@ -19,7 +19,7 @@ TEST(Bodies, ShareWhatTheirMeshesShare) {
   for (const auto& [shape_a, shape_b] : {std::pair{"box", "box"}, std::pair{"octahedron", "box"},
                                          std::pair{"tetrahedron", "octahedron"}}) {
     const Tool a = packed(shape_a, 0.1, 500), b = packed(shape_b, 0.1, 500);
-    const auto contact = make_body_pair_query(Backend::cpu, a, b).value();
+    const auto contact = make_body_pair_query(Place::cpu(), a, b).value();
     const double smaller = std::min(a.mesh_mass().volume, b.mesh_mass().volume);
     Random random(5);
     double exact_sum = 0, found_sum = 0, squares = 0;
@@ -43,7 +43,7 @@ TEST(Bodies, ShareWhatTheirMeshesShare) {
 
 TEST(Bodies, AFaceHasItsDirectionNoJumpsAndNoGain) {
   const Tool tool = packed("box", 0.1, 1000), block = packed("box", 0.3, 1000);
-  const auto contact = make_body_pair_query(Backend::cpu, tool, block).value();
+  const auto contact = make_body_pair_query(Place::cpu(), tool, block).value();
   const Pose X_WB{{0, 0, 1.15}, {}};
   const Measure measured{tool.mesh_mass().volume,
                          [&](const Pose& X_WT) { return contact->measure(X_WT, X_WB).on_a; }};

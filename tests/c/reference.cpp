@@ -60,7 +60,7 @@ void measure_beside_box(const Tool& tool, const SurfaceView& surface) {
   const Tool box = Tool::pack(solid.mesh, {.max_spheres = 50}).value();
   const Pose X_WB{{0.05, 0.02, 0.56}, {}};
   const Contact contact = Contact::create(tool).value();
-  const auto pair = make_body_pair_query(Backend::cpu, tool, box).value();
+  const auto pair = make_body_pair_query(Place::cpu(), tool, box).value();
   for (int i = 0; i < 5; ++i) {
     const ContactResult seen = contact.measure(surface, pose(i), {.stiffness = true});
     const BodyPenetration with = pair->measure(pose(i), X_WB, true);

@@ -372,7 +372,7 @@ class ArmInContact : public testing::Test {
                                     test::frames_of_arm([](double) { return Pose{}; }, false);
   const Tool tool_ = test::ball_tool(0.03, 600);
   const std::unique_ptr<ContactQuery> query_ =
-      make_contact_query(Backend::cpu, tool_, FieldMethod{}).value();
+      make_contact_query(Place::cpu(), tool_, FieldMethod{}).value();
   const double volume_ = tool_.sphere_mass().volume;
   std::vector<Sensor> sensors_;
 };

@@ -46,7 +46,7 @@ Pose pose_at(double z) { return {{0.003, -0.002, z}, axis_angle({1, 2, 3}, 0.4)}
 
 std::unique_ptr<ContactQuery> query_by(MethodKind method) {
   const ContactOptions options{.method = method, .volumes = SphereVolumes::own};
-  return make_contact_query(Backend::cpu, tool(), contact_method(options).value()).value();
+  return make_contact_query(Place::cpu(), tool(), contact_method(options).value()).value();
 }
 
 TEST(BetweenSurfaces, WeighsBothSurfaces) {

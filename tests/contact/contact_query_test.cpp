@@ -276,10 +276,10 @@ TEST(ContactQuery, SimplifiedTakesTheNearestBySquareAndGaussianToo) {
 TEST(ContactQuery, PathsOfTooManySpheresAreRefused) {
   const Tool tool = test::block_of_spheres(17);
   const auto refused =
-      make_contact_query(Backend::cpu, tool, WeightedMethod{.priority = Priority::path});
+      make_contact_query(Place::cpu(), tool, WeightedMethod{.priority = Priority::path});
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().message.find("4913"), std::string::npos) << refused.error().message;
-  EXPECT_TRUE(make_contact_query(Backend::cpu, tool, WeightedMethod{}));
+  EXPECT_TRUE(make_contact_query(Place::cpu(), tool, WeightedMethod{}));
 }
 
 TEST(ContactQuery, NonFinitePoseIsReportedAndMeasuresNothing) {
@@ -359,11 +359,11 @@ TEST(ContactQuery, SixteenMillionPointsInOneSphere) {
 // A tool that does not live as long as what looks at it is refused by the compiler.
 template <class T>
 concept CanMakeQuery = requires(T&& tool) {
-  make_contact_query(Backend::cpu, std::forward<T>(tool));
+  make_contact_query(Place::cpu(), std::forward<T>(tool));
 };
 template <class A, class B>
 concept CanMakePair = std::is_constructible_v<BodyContact, A, B> && requires(A&& a, B&& b) {
-  make_body_pair_query(Backend::cpu, std::forward<A>(a), std::forward<B>(b));
+  make_body_pair_query(Place::cpu(), std::forward<A>(a), std::forward<B>(b));
 };
 template <class T>
 concept CanBeABody = requires(BodyWorld& world, T&& tool) {
@@ -406,7 +406,7 @@ TEST(ContactQuery, PointOnTheRimCountsAsInside) {
 TEST(ContactQuery, CudaIsRefusedByNameWhereThereIsNone) {
   if (find_gpus()) GTEST_SKIP() << "SKIPPED: there is a GPU";
   const Tool tool = test::random_tool(5, 0.05, 6);
-  const auto query = make_contact_query(Backend::cuda, tool);
+  const auto query = make_contact_query(Place::cuda(), tool);
   ASSERT_FALSE(query.has_value());
   EXPECT_EQ(query.error().code, Errc::unavailable);
 }

@@ -137,7 +137,7 @@ inline Result run(const Case& c) {
   static const Tool tool = test::random_tool(300, 0.03, 5);
   static const Seen from(0), to(6);
   const auto query =
-      make_contact_query(Backend::cpu, tool, contact_method(c.options).value()).value();
+      make_contact_query(Place::cpu(), tool, contact_method(c.options).value()).value();
   const double alpha = c.is_blended ? 0.3 : 1.0;
   Result result;
   Hash hash;

@@ -60,6 +60,9 @@ void compare(const PointCloud& cloud, const DepthFieldOptions& options) {
   field->enqueue(upload(cloud, memory), stream);
   ASSERT_TRUE(stream.wait()) << stream.status().error().message;
   EXPECT_EQ(field->view().gpu, 0);
+  if (cloud.width() > 64 && options.fill_levels > 0 && options.unknown != UnknownSpace::blocked) {
+    EXPECT_NE(field->view().filled_behind, nullptr);
+  }
   test::expect_same_field(field->view(), made_on_cpu(cloud, options).view(), stream);
 }
 

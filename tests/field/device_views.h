@@ -19,6 +19,7 @@ struct ShownField {
   std::vector<std::uint8_t> near_silhouette;
   std::vector<float> silhouettes;  ///< of the nine pixels around those that are near any
   std::vector<DepthTile> tiles;
+  std::vector<std::uint8_t> filled_behind;  ///< of level 0, if it is known
 };
 
 inline ShownField shown_by(const DepthFieldView& view, gpu::Stream& stream) {
@@ -59,6 +60,18 @@ inline ShownField shown_by(const DepthFieldView& view, gpu::Stream& stream) {
   }
   shown.tiles.resize(static_cast<std::size_t>(view.tiles_wide * view.tiles_high));
   stream.copy(shown.tiles.data(), view.tiles, shown.tiles.size() * sizeof(DepthTile));
+  if (view.filled_behind != nullptr && view.num_levels > 0) {
+    const DepthFieldLevel& finest = view.levels[0];
+    const auto stride = static_cast<std::size_t>(view.filled_stride);
+    std::vector<std::uint32_t> words(stride * static_cast<std::size_t>(finest.height));
+    stream.copy(words.data(), view.filled_behind, words.size() * sizeof(std::uint32_t));
+    EXPECT_TRUE(stream.wait()) << stream.status().error().message;
+    for (std::size_t v = 0; v < static_cast<std::size_t>(finest.height); ++v) {
+      for (std::size_t u = 0; u < static_cast<std::size_t>(finest.width); ++u) {
+        shown.filled_behind.push_back(words[v * stride + u / 32] >> u % 32 & 1);
+      }
+    }
+  }
   EXPECT_TRUE(stream.wait()) << stream.status().error().message;
   return shown;
 }
@@ -89,6 +102,9 @@ inline void expect_same_field(const DepthFieldView& got, const DepthFieldView& w
   EXPECT_TRUE(same_bits(a.near_silhouette, b.near_silhouette));
   EXPECT_TRUE(same_bits(a.silhouettes, b.silhouettes));
   EXPECT_TRUE(same_bits(a.tiles, b.tiles));
+  if (got.filled_behind != nullptr) {
+    EXPECT_EQ(a.filled_behind, b.filled_behind);
+  }
 }
 
 /// Points, normals and depth-change vectors.

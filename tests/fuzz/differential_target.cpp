@@ -104,7 +104,7 @@ using MadeQuery = Result<std::unique_ptr<ContactQuery>>;
 MadeQuery cpu_query(const Tool& tool, const ContactMethod& method, Isa isa) {
   ExecutionOptions execution;
   execution.isa = isa;
-  return make_contact_query(Backend::cpu, tool, method, execution);
+  return make_contact_query(Place::cpu(), tool, method, execution);
 }
 
 Answer evaluate(const MadeQuery& query, const SurfaceView& from, const SurfaceView& to,
@@ -221,7 +221,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     require(same_bits(want, got), "all instruction sets give the same bits");
   }
 #if defined(PALPATE_EMULATE_CUDA)
-  const Answer gpu = evaluate(make_contact_query_cuda(ToolIndex::create(tool), method, {}),
+  const Answer gpu = evaluate(make_contact_query_cuda(ToolIndex::create(tool), method, 0),
                               from.surfaces(), to.surfaces(), alpha, X_WT);
   require(agrees(want, gpu), "the GPU agrees with the CPU");
 #endif

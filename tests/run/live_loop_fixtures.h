@@ -51,7 +51,7 @@ inline SurfaceTimeline timeline_of(const DepthStreamInfo& stream, const RunSetti
 
 /// Returns the query of the box that a run of these settings makes, on the CPU.
 inline std::unique_ptr<ContactQuery> query_of(const RunSettings& settings) {
-  return make_contact_query(Backend::cpu, box_tool(), contact_method(settings.contact).value())
+  return make_contact_query(Place::cpu(), box_tool(), contact_method(settings.contact).value())
       .value();
 }
 

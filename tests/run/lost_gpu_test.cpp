@@ -45,18 +45,18 @@ class QueryUntilLost final : public ContactQuery {
 // PALPATE_MAKE_QUERY and PALPATE_MAKE_SURFACES are the names that the compiler gives
 // make_contact_query and SurfaceTimeline::create.
 using MadeQuery = Result<std::unique_ptr<ContactQuery>>;
-MadeQuery usual_query(Backend backend, std::shared_ptr<const ToolIndex> index,
+MadeQuery usual_query(const Place& place, std::shared_ptr<const ToolIndex> index,
                       const ContactMethod& method,
                       const ExecutionOptions& options) asm("__real_" PALPATE_MAKE_QUERY);
-MadeQuery emulated_query(Backend backend, std::shared_ptr<const ToolIndex> index,
+MadeQuery emulated_query(const Place& place, std::shared_ptr<const ToolIndex> index,
                          const ContactMethod& method,
                          const ExecutionOptions& options) asm("__wrap_" PALPATE_MAKE_QUERY);
-MadeQuery emulated_query(Backend backend, std::shared_ptr<const ToolIndex> index,
+MadeQuery emulated_query(const Place& place, std::shared_ptr<const ToolIndex> index,
                          const ContactMethod& method, const ExecutionOptions& options) {
-  auto query = usual_query(Backend::cpu, std::move(index), method, options);
+  auto query = usual_query(Place::cpu(), std::move(index), method, options);
   if (!query) return query.error();
   return std::unique_ptr<ContactQuery>(std::make_unique<QueryUntilLost>(
-      *std::move(query), backend == Backend::cuda ? g_is_lost : g_is_cpu_lost));
+      *std::move(query), place.backend == Backend::cuda ? g_is_lost : g_is_cpu_lost));
 }
 
 using MadeSurfaces = Result<SurfaceTimeline>;

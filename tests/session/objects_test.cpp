@@ -51,7 +51,7 @@ TEST_F(Objects, AreFeltBesideTheCloud) {
   ASSERT_TRUE(cloud_log) << cloud_log.error().message;
   ASSERT_EQ(log->ticks.size(), cloud_log->ticks.size());
   const auto contact =
-      make_body_pair_query(Backend::cpu, tool_, *settings_.objects[0].shape).value();
+      make_body_pair_query(Place::cpu(), tool_, *settings_.objects[0].shape).value();
   int num_both = 0;
   for (std::size_t k = 0; k < log->ticks.size(); ++k) {
     const TickRecord& tick = log->ticks[k];

@@ -47,15 +47,15 @@ class SlowQuery final : public ContactQuery {
 
 // PALPATE_MAKE_QUERY is the name that the compiler gives make_contact_query.
 using MadeQuery = Result<std::unique_ptr<ContactQuery>>;
-MadeQuery usual_query(Backend backend, std::shared_ptr<const ToolIndex> index,
+MadeQuery usual_query(const Place& place, std::shared_ptr<const ToolIndex> index,
                       const ContactMethod& method,
                       const ExecutionOptions& options) asm("__real_" PALPATE_MAKE_QUERY);
-MadeQuery slow_query(Backend backend, std::shared_ptr<const ToolIndex> index,
+MadeQuery slow_query(const Place& place, std::shared_ptr<const ToolIndex> index,
                      const ContactMethod& method,
                      const ExecutionOptions& options) asm("__wrap_" PALPATE_MAKE_QUERY);
-MadeQuery slow_query(Backend backend, std::shared_ptr<const ToolIndex> index,
+MadeQuery slow_query(const Place& place, std::shared_ptr<const ToolIndex> index,
                      const ContactMethod& method, const ExecutionOptions& options) {
-  auto query = usual_query(backend, std::move(index), method, options);
+  auto query = usual_query(place, std::move(index), method, options);
   if (!query) return query.error();
   return std::unique_ptr<ContactQuery>(std::make_unique<SlowQuery>(*std::move(query)));
 }

@@ -23,7 +23,7 @@ class ContactQueries {
   explicit ContactQueries(const Tool& tool, const ExecutionOptions& execution = {})
       : ContactQueries(
             tool, [=](std::shared_ptr<const ToolIndex> index, const ContactMethod& method) {
-              return make_contact_query(Backend::cpu, std::move(index), method, execution);
+              return make_contact_query(Place::cpu(), std::move(index), method, execution);
             }) {}
   ContactQueries(const Tool&&, Make) = delete;
   explicit ContactQueries(const Tool&&, const ExecutionOptions& = {}) = delete;

@@ -9,7 +9,7 @@ namespace palpate::test {
 /// `tool` must outlive it.
 inline ContactQueries cuda_queries(const Tool& tool) {
   return {tool, [](std::shared_ptr<const ToolIndex> index, const ContactMethod& method) {
-            return make_contact_query_cuda(std::move(index), method, {});
+            return make_contact_query_cuda(std::move(index), method, 0);
           }};
 }
 

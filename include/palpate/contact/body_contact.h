@@ -127,25 +127,25 @@ class BodyPairQuery {
 struct BodyPairOptions {
   BodyMethod method = BodyMethod::field;
   Isa isa = best_isa();  ///< on the CPU, `field` only
-  int gpu = 0;           ///< GPU index, for the CUDA backend
 };
 
 /// A GPU finds the same spheres; sums differ only by rounding. With `field`, bodies without a
-/// stored field compute one now, about a second each. Errors: the backend is not in this build or
+/// stored field compute one now, about a second each. Errors: the place is not in this build or
 /// on this machine; out of GPU memory.
-Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend backend,
+Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(const Place& place,
                                                             std::shared_ptr<const ToolIndex> a,
                                                             std::shared_ptr<const ToolIndex> b,
                                                             const BodyPairOptions& options = {});
 /// The same with its own indices. Both bodies must outlive it.
-Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend backend, const Tool& a,
+Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(const Place& place, const Tool& a,
                                                             const Tool& b,
                                                             const BodyPairOptions& options = {});
-Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend, const Tool&&, const Tool&,
+Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(const Place&, const Tool&&, const Tool&,
                                                             const BodyPairOptions& = {}) = delete;
-Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend, const Tool&, const Tool&&,
+Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(const Place&, const Tool&, const Tool&&,
                                                             const BodyPairOptions& = {}) = delete;
-Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend, const Tool&&, const Tool&&,
+Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(const Place&, const Tool&&,
+                                                            const Tool&&,
                                                             const BodyPairOptions& = {}) = delete;
 
 /// BodyMethod::spheres on the CPU. Every pair of overlapping spheres adds the exact volume V of its
@@ -209,7 +209,7 @@ class BodyBatchQuery {
 /// with BodyMethod::field alone. A shape without a stored field computes one now, in about a
 /// second. Errors: no body or shape; the backend is not here; out of GPU memory.
 Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query(
-    Backend backend, const std::shared_ptr<const ToolIndex>& tool,
+    const Place& place, const std::shared_ptr<const ToolIndex>& tool,
     const std::vector<PlacedBody>& bodies, const BodyPairOptions& options = {},
     ThreadPool* pool = nullptr);
 

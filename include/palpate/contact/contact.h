@@ -130,25 +130,24 @@ struct SpherePicture {
   }
 };
 
-/// Instruction set, threads and GPU of a query.
+/// Instruction set and threads of a query on a CPU.
 struct ExecutionOptions {
   Isa isa = best_isa();
   ThreadPool* pool = nullptr;  ///< used inside one query; null: only the caller's thread
-  int gpu = 0;                 ///< GPU index, for the CUDA backend
   /// Takes the memory for ContactWants::noise at once; otherwise the first such query allocates.
   bool reserves_noise = false;
 };
 
-/// Creates a query. Errors: the backend is not in this build or on this machine.
-Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend,
+/// Creates a query. Errors: the place is not in this build or on this machine.
+Result<std::unique_ptr<ContactQuery>> make_contact_query(const Place& place,
                                                          std::shared_ptr<const ToolIndex> index,
                                                          const ContactMethod& method,
                                                          const ExecutionOptions& execution = {});
 /// The same with its own index. `tool` must outlive the query.
-Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend, const Tool& tool,
+Result<std::unique_ptr<ContactQuery>> make_contact_query(const Place& place, const Tool& tool,
                                                          const ContactMethod& method = {},
                                                          const ExecutionOptions& execution = {});
-Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend, const Tool&&,
+Result<std::unique_ptr<ContactQuery>> make_contact_query(const Place&, const Tool&&,
                                                          const ContactMethod& = {},
                                                          const ExecutionOptions& = {}) = delete;
 
@@ -162,9 +161,9 @@ struct PoseBatch {
   /// P indices of surfaces. Empty: one surface for all, or one per pose. An invalid index gives
   /// StepStatus::no_surface.
   std::span<const std::int32_t> surface_of_pose = {};
-  /// Pose of the camera of each surface in W. Empty: W is the camera frame C for all.
+  /// Pose in W of the camera of each surface, in host memory. Empty: W is the camera frame C.
   std::span<const Pose> X_WC = {};
-  int gpu = kHostMemory;  ///< memory of all three arrays
+  int gpu = kHostMemory;  ///< memory of the first two arrays
 };
 
 /// Output of a batch: row-major arrays of the caller. Null arrays are not computed. Stiffness takes
@@ -213,8 +212,8 @@ class BatchQuery {
 };
 
 /// Creates a batch query; `execution.pool` spreads a batch over its threads. Errors: a method
-/// other than FieldMethod; the backend is not in this build or on this machine.
-Result<std::unique_ptr<BatchQuery>> make_batch_query(Backend backend,
+/// other than FieldMethod; the place is not in this build or on this machine.
+Result<std::unique_ptr<BatchQuery>> make_batch_query(const Place& place,
                                                      std::shared_ptr<const ToolIndex> index,
                                                      const ContactMethod& method = {},
                                                      const ExecutionOptions& execution = {});
@@ -274,8 +273,8 @@ class Contact {
   Status make_batches() const {
     if (batches_ != nullptr) return Done{};
     auto pool = std::make_unique<ThreadPool>(place_.backend == Backend::cpu ? 0 : 1);
-    auto made = make_batch_query(place_.backend, query_->index(), query_->method(),
-                                 {best_isa(), pool.get(), place_.gpu});
+    auto made =
+        make_batch_query(place_, query_->index(), query_->method(), {best_isa(), pool.get()});
     if (!made) return made.error();
     batch_pool_ = std::move(pool);
     batches_ = *std::move(made);

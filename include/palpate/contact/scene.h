@@ -49,12 +49,14 @@ struct ScenePoses {
   std::span<const std::int32_t> tool_of_pose = {};   ///< P indices; empty: the only tool
   std::span<const std::int32_t> group_of_pose = {};  ///< P indices, as configurations; empty: none
   int num_groups = 0;
+  int gpu = kHostMemory;  ///< memory of X_WT; indices are in host memory
 };
 
 /// Clearance saturates at this distance, m.
 inline constexpr double kClearanceLimit = 0.1;
 
-/// Row-major arrays of the caller in host memory; null: not computed. Unmeasured poses have zeros.
+/// Row-major arrays of the caller, all in the memory `contact.gpu`; null: not computed. Unmeasured
+/// poses have zeros. Groups, spheres and standard deviations are answered in host memory alone.
 struct SceneAnswers {
   /// The sum of the contact with the cameras and with each body.
   BatchAnswers contact = {};
@@ -106,11 +108,21 @@ class SceneContact {
   /// Many poses. The result of a pose has the same bits whatever else is asked, for any number of
   /// threads. Allocates for a new scene. Errors: an empty scene; more than kMaxCameras; surfaces in
   /// different places; several that were not made to be joined; an index of a tool or group out of
-  /// range; clearance with a point method, or of joined surfaces with memory.
-  Status measure(const Scene& scene, const ScenePoses& poses, const SceneAnswers& answers) const;
+  /// range; clearance with a point method, or of joined surfaces with memory; arrays where the
+  /// contact does not read or write.
+  ///
+  /// On a GPU poses and answers may lie there. Work is done in `stream`, in order with what the
+  /// caller does there: use one stream at a time, and let it finish before another scene is asked
+  /// outside of it. If all arrays are on the GPU, without indices, and scene and tools were asked
+  /// before, the call only enqueues it, and a CUDA graph may capture it, which goes on to ask that
+  /// scene; else it waits.
+  Status measure(const Scene& scene, const ScenePoses& poses, const SceneAnswers& answers,
+                 std::optional<CallerStream> stream = {}) const;
   /// Writes 1 for each pose whose clearance is below `margin` (m), else 0; with groups for each
-  /// group of which a pose is. A pose that is not finite counts as hit. Errors as above.
-  Status any(const Scene& scene, const ScenePoses& poses, double margin, std::uint8_t* hits) const;
+  /// group of which a pose is. A pose that is not finite counts as hit. `hits` lie in the memory of
+  /// the poses. Errors as above.
+  Status any(const Scene& scene, const ScenePoses& poses, double margin, std::uint8_t* hits,
+             std::optional<CallerStream> stream = {}) const;
 
   /// Spheres of the largest tool.
   std::size_t max_spheres() const;

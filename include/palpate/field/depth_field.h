@@ -170,7 +170,7 @@ struct DepthFieldView {
   const DepthTile* tiles = nullptr;  ///< row-major; pixels beyond the image count to the outermost
   int tiles_wide = 0, tiles_high = 0;
   /// Pixels of level 0 that were not measured and show the farther one of two surfaces beside them:
-  /// a bit each from the lowest one on, filled_stride words in a row. Null on a GPU.
+  /// a bit each from the lowest one on, filled_stride words in a row. Null: none, or not known.
   const std::uint32_t* filled_behind = nullptr;
   int filled_stride = 0;
   Intrinsics intrinsics;

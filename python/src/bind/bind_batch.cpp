@@ -9,7 +9,6 @@
 #include "python/src/contact.h"
 
 namespace palpate::python {
-namespace {
 
 std::unique_ptr<PyBatch> make_batch(std::size_t num, bool with_stiffness, bool with_std, int gpu) {
   auto batch = std::make_unique<PyBatch>();
@@ -31,6 +30,8 @@ std::unique_ptr<PyBatch> make_batch(std::size_t num, bool with_stiffness, bool w
 #endif
   return batch;
 }
+
+namespace {
 
 void make_batch_over(PyBatch* self, nb::handle volume, nb::handle potential, nb::handle force,
                      nb::handle torque, nb::handle stiffness, nb::handle status,
@@ -129,21 +130,16 @@ std::vector<PyBody> bodies_of(nb::handle given) {
 struct PoseArgument {
   Doubles numbers_of_poses;  // of the caller, where they are as they have to be
   std::vector<Pose> poses;
-  AnyArray poses_on_gpu, surface_of_pose_on_gpu;
+  AnyArray poses_there, surface_of_pose_there;
   nb::ndarray<const std::int32_t, nb::c_contig, nb::device::cpu> surface_of_pose;
   PoseBatch batch;
 
   PoseArgument(nb::handle given, nb::handle numbers, nb::handle stream) {
-    static_assert(sizeof(Pose) == 7 * sizeof(double));
     const std::optional<AnyArray> array = array_on_gpu(given, "poses", stream);
     if (array) {
-      if (array->ndim() != 2 || array->shape(1) != 7) {
-        refuse_shape("poses", shape_of(*array), "(P, 7), which it has to be on a GPU");
-      }
-      require_dense(*array, "poses", nb::dtype<double>());
-      poses_on_gpu = *array;
+      poses_there = *array;
       batch.gpu = array->device_id();
-      batch.X_WT = {static_cast<const Pose*>(array->data()), array->shape(0)};
+      batch.X_WT = poses_on_gpu(poses_there, "poses");
     } else {
       numbers_of_poses = doubles_of(given, "poses");
       batch.X_WT = poses_in(numbers_of_poses, "poses", poses);
@@ -165,7 +161,7 @@ struct PoseArgument {
       if (!on_gpu || on_gpu->device_id() != batch.gpu) {
         throw nb::value_error("surface_of_pose: has to be on the GPU where the poses are");
       }
-      const AnyArray& array = surface_of_pose_on_gpu = *on_gpu;
+      const AnyArray& array = surface_of_pose_there = *on_gpu;
       require_dense(array, "surface_of_pose", nb::dtype<std::int32_t>());
       num = array.ndim() == 1 ? array.shape(0) : 0;
       shape = shape_of(array);
@@ -193,11 +189,6 @@ nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
       bodies.empty() ? std::optional<SurfaceArgument>(surfaces) : std::nullopt;
   PoseArgument given(poses, surface_of_pose, stream);
   const bool is_on_gpu = given.batch.gpu != kHostMemory;
-  if (is_on_gpu && fields && !fields->X_WC.empty()) {
-    throw PalpateError(
-        "cameras with a pose take poses in host memory: give those of the tool there, "
-        "or in the camera's frame");
-  }
   if (is_on_gpu && !fields) {
     throw PalpateError(
         "batches against bodies take poses in host memory, where they are measured: copy them "

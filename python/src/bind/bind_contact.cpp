@@ -3,8 +3,10 @@
 #include <nanobind/stl/vector.h>
 
 #include <cmath>
+#include <memory>
 #include <optional>
 
+#include "python/src/batch.h"
 #include "python/src/bindings.h"
 #include "python/src/contact.h"
 #include "python/src/result.h"
@@ -114,21 +116,23 @@ PyResult measure_in_scene(PyContact& self, nb::handle scene, nb::handle pose,
                           const SceneWants& wants) {
   const Pose X_WT = pose_of(pose, "pose");
   const nb::object one = seven_of(X_WT).attr("reshape")(1, 7);
-  SceneMeasured measured = measure_scene(self, scene, one, wants, nb::none(), nb::none());
+  const std::unique_ptr<PyBatch> batch = measure_scene(self, {scene, one}, wants);
+  const BatchAnswers& measured = batch->answers;
+  const auto vector = [](const double* at) { return Vec3d{at[0], at[1], at[2]}; };
   PyResult result;
   result.volume = measured.volume[0];
   result.potential = measured.potential[0];
-  result.force = {measured.force[0], measured.force[1], measured.force[2]};
-  result.torque = {measured.torque[0], measured.torque[1], measured.torque[2]};
+  result.force = vector(measured.force);
+  result.torque = vector(measured.torque);
   result.status.bits = measured.status[0];
   if (wants.stiffness) {
     result.stiffness.emplace();
-    std::copy_n(measured.stiffness.data(), 36, &result.stiffness->m[0][0]);
+    std::copy_n(measured.stiffness, 36, &result.stiffness->m[0][0]);
   }
-  if (const std::vector<double>& sd = measured.deviations; wants.noise) {
-    result.volume_std = sd[0];
-    result.force_std = {sd[1], sd[2], sd[3]};
-    result.torque_std = {sd[4], sd[5], sd[6]};
+  if (wants.noise) {
+    result.volume_std = measured.volume_std[0];
+    result.force_std = vector(measured.force_std);
+    result.torque_std = vector(measured.torque_std);
   }
   self.alone([&](const Contact& contact) {
     Penetration whole;
@@ -138,7 +142,7 @@ PyResult measure_in_scene(PyContact& self, nb::handle scene, nb::handle pose,
   });
   result.tool = self.tool().tool;
   result.X_WT = X_WT;
-  for (auto item : measured.more) {
+  for (auto item : batch->more) {
     nb::object values = nb::borrow(item.second)[nb::int_(0)];
     result.more[item.first] = values;
   }
@@ -252,10 +256,12 @@ per_sphere: also Batch.sphere_depth, sphere_volume, sphere_direction and sphere_
 tool_of_pose: (P,) int32, the index of the tool of each pose, for a contact with several.
 group_of_pose: (P,) int32, such as the configuration of a robot: Batch.group_clearance and others.
 With one of these, or a palpate.Scene, all poses are measured in the whole scene, the hull of its
-surfaces and the sum over its bodies, and Batch.unseen is there for a Scene with cameras.
+surfaces and the sum over its bodies, and Batch.unseen is there for a Scene with cameras. Results are
+where the poses are; indices of tools and groups are in host memory, and so is all of std, per_sphere
+and groups.
 stream: a CUDA stream, as a number or an object of PyTorch or CuPy: arrays on the GPU are read after
     its earlier work. With poses and results on the GPU too, the work is only enqueued, and may be
-    captured in a CUDA graph. None: the default stream.
+    captured in a CUDA graph; of a scene after one call with it. None: the default stream.
 
 The result of a pose has the same bits in every batch. For poses that are not finite and indices
 without a surface, Batch.status says so and everything else is zero.)")

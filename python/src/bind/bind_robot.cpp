@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "python/src/contact.h"
+#include "python/src/made_array.h"
 #include "python/src/robot.h"
 
 namespace palpate::python {
@@ -40,9 +41,7 @@ nb::object measure(PyRobot& self, nb::handle scene, nb::handle joints, double ma
     make("volume", to.volume, {num});
     make("wrench", to.wrench, {num, num_links, 6});
     make("joint_torque", to.joint_torque, {num, n});
-    // One camera by itself has no unseen space on a GPU.
-    const std::size_t least = self.place().backend == Backend::cpu ? 1 : 2;
-    if (in.scene.surfaces.size() >= least) make("unseen", to.unseen, {num});
+    if (!in.scene.surfaces.empty()) make("unseen", to.unseen, {num});
   }
   check(self.alone([&](const RobotContact& all) {
     if (const Status status = given.wait(); !status) return status;

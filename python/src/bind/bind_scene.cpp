@@ -6,7 +6,9 @@
 #include <optional>
 
 #include "palpate/contact/scene.h"
+#include "python/src/batch.h"
 #include "python/src/contact.h"
+#include "python/src/made_array.h"
 
 namespace palpate::python {
 namespace {
@@ -62,13 +64,19 @@ std::optional<Indices> indices_of(nb::handle given, const char* name, std::size_
   return indices;
 }
 
-/// The poses of a question, and the arrays that keep them alive.
+/// The poses of a question in host memory or on a GPU, and the arrays that keep them alive.
 struct PoseRequest {
-  PoseRequest(nb::handle given, nb::handle tools, nb::handle groups)
-      : numbers(doubles_of(given, "poses")) {
-    query.X_WT = poses_in(numbers, "poses", converted);
-    tool_of_pose = indices_of(tools, "tool_of_pose", query.X_WT.size());
-    group_of_pose = indices_of(groups, "group_of_pose", query.X_WT.size());
+  explicit PoseRequest(const SceneQuestion& question) : stream(stream_of(question.stream)) {
+    if (const auto array = array_on_gpu(question.poses, "poses", question.stream)) {
+      there = *array;
+      query.X_WT = poses_on_gpu(there, "poses");
+      query.gpu = there.device_id();
+    } else {
+      numbers = doubles_of(question.poses, "poses");
+      query.X_WT = poses_in(numbers, "poses", converted);
+    }
+    tool_of_pose = indices_of(question.tool_of_pose, "tool_of_pose", query.X_WT.size());
+    group_of_pose = indices_of(question.group_of_pose, "group_of_pose", query.X_WT.size());
     if (tool_of_pose) query.tool_of_pose = {tool_of_pose->data(), query.X_WT.size()};
     if (!group_of_pose) return;
     query.group_of_pose = {group_of_pose->data(), query.X_WT.size()};
@@ -76,8 +84,15 @@ struct PoseRequest {
       query.num_groups = std::max(query.num_groups, group + 1);
     }
   }
+  /// The stream of work with arrays on a GPU: without one that of arrays without a stream.
+  std::optional<CallerStream> queue(int gpu_of_answers) const {
+    const bool is_here = query.gpu == kHostMemory && gpu_of_answers == kHostMemory;
+    return stream || is_here ? stream : CallerStream{};
+  }
 
+  std::optional<CallerStream> stream;
   Doubles numbers;
+  AnyArray there;
   std::vector<Pose> converted;
   std::optional<Indices> tool_of_pose, group_of_pose;
   ScenePoses query;
@@ -96,103 +111,64 @@ void check_memory(std::size_t num_poses, std::size_t bytes_each) {
                      "; ask fewer poses at a time, or without per_sphere");
 }
 
-/// Results of all poses, by name.
-struct Found {
-  std::vector<double> volume, potential, force, torque, stiffness, deviations, unseen, clearance,
-      gradient, group_clearance, group_volume;
-  std::vector<std::uint32_t> status;
-  std::vector<std::int32_t> nearest, decided, group_pose;
-  std::vector<float> depth, sphere_volume, direction;
-  std::vector<std::int8_t> sphere_decided;
-  SceneAnswers answers;
-
-  Found(std::size_t num, std::size_t num_groups, const SceneWants& wants, std::size_t num_spheres)
-      : volume(num), potential(num), force(3 * num), torque(3 * num), unseen(num), status(num) {
-    answers.contact = {.volume = volume.data(),
-                       .potential = potential.data(),
-                       .force = force.data(),
-                       .torque = torque.data(),
-                       .status = status.data()};
-    if (wants.stiffness) {
-      stiffness.resize(36 * num);
-      answers.contact.stiffness = stiffness.data();
-    }
-    if (wants.noise) {
-      deviations.resize(7 * num);
-      answers.contact.volume_std = deviations.data();
-      answers.contact.force_std = deviations.data() + num;
-      answers.contact.torque_std = deviations.data() + 4 * num;
-    }
-    if (wants.unseen) answers.unseen = unseen.data();
-    if (wants.clearance) {
-      clearance.resize(num);
-      gradient.resize(6 * num);
-      nearest.resize(num);
-      decided.resize(num);
-      answers.clearance = clearance.data();
-      answers.clearance_gradient = gradient.data();
-      answers.nearest = nearest.data();
-      answers.decided = decided.data();
-      answers.clearance_limit = wants.limit;
-      answers.clearance_smoothing = wants.smoothing;
-    }
-    if (wants.clearance && num_groups > 0) {
-      group_clearance.resize(num_groups);
-      group_pose.resize(num_groups);
-      group_volume.resize(num_groups);
-      answers.group_clearance = group_clearance.data();
-      answers.group_pose = group_pose.data();
-      answers.group_volume = group_volume.data();
-    }
-    if (!wants.per_sphere) return;
-    depth.resize(num * num_spheres);
-    sphere_volume.resize(num * num_spheres);
-    direction.resize(3 * num * num_spheres);
-    sphere_decided.resize(num * num_spheres);
-    answers.sphere_depth = depth.data();
-    answers.sphere_volume = sphere_volume.data();
-    answers.sphere_direction = direction.data();
-    answers.sphere_decided = sphere_decided.data();
-    answers.max_spheres = num_spheres;
+/// Makes the arrays of a batch for what is wanted.
+SceneAnswers make_answers(const SceneWants& wants, const ScenePoses& poses, std::size_t num_spheres,
+                          PyBatch& batch) {
+  const std::size_t num = batch.num;
+  SceneAnswers& to = batch.scene;
+  const auto make = [&]<class T>(const char* name, T*& at,
+                                 std::initializer_list<std::size_t> shape) {
+    Made<T> made(poses.gpu, shape);
+    at = made.at;
+    batch.more[name] = made.array;
+  };
+  to.contact = batch.answers;
+  if (wants.unseen) make("unseen", to.unseen, {num});
+  if (wants.clearance) {
+    make("clearance", to.clearance, {num});
+    make("clearance_gradient", to.clearance_gradient, {num, 6});
+    make("nearest", to.nearest, {num});
+    make("decided", to.decided, {num});
   }
-
-  /// Moves what was not wanted by name into arrays.
-  nb::dict more(std::size_t num, std::size_t num_groups, const SceneWants& wants,
-                std::size_t num_spheres) {
-    nb::dict to;
-    if (wants.unseen) to["unseen"] = array_of(std::move(unseen), {num});
-    if (wants.clearance) {
-      to["clearance"] = array_of(std::move(clearance), {num});
-      to["clearance_gradient"] = array_of(std::move(gradient), {num, 6});
-      to["nearest"] = array_of(std::move(nearest), {num});
-      to["decided"] = array_of(std::move(decided), {num});
-    }
-    if (!group_clearance.empty()) {
-      to["group_clearance"] = array_of(std::move(group_clearance), {num_groups});
-      to["group_pose"] = array_of(std::move(group_pose), {num_groups});
-      to["group_volume"] = array_of(std::move(group_volume), {num_groups});
-    }
-    if (wants.per_sphere) {
-      to["sphere_depth"] = array_of(std::move(depth), {num, num_spheres});
-      to["sphere_volume"] = array_of(std::move(sphere_volume), {num, num_spheres});
-      to["sphere_direction"] = array_of(std::move(direction), {num, num_spheres, 3});
-      to["sphere_decided"] = array_of(std::move(sphere_decided), {num, num_spheres});
-    }
-    return to;
+  const auto num_groups = static_cast<std::size_t>(poses.num_groups);
+  if (wants.clearance && num_groups > 0) {
+    make("group_clearance", to.group_clearance, {num_groups});
+    make("group_pose", to.group_pose, {num_groups});
+    make("group_volume", to.group_volume, {num_groups});
   }
-};
+  if (wants.per_sphere) {
+    make("sphere_depth", to.sphere_depth, {num, num_spheres});
+    make("sphere_volume", to.sphere_volume, {num, num_spheres});
+    make("sphere_direction", to.sphere_direction, {num, num_spheres, 3});
+    make("sphere_decided", to.sphere_decided, {num, num_spheres});
+    to.max_spheres = num_spheres;
+  }
+  return to;
+}
+
+void evaluate(PyContact& self, const PyScene& scene, const PoseRequest& request,
+              const SceneWants& wants, SceneAnswers answers) {
+  answers.clearance_limit = wants.limit;
+  answers.clearance_smoothing = wants.smoothing;
+  const auto queue = request.queue(answers.contact.gpu);
+  check(self.with_scenes([&](const SceneContact& contact) {
+    return contact.measure(scene.scene, request.query, answers, queue);
+  }));
+}
 
 nb::object any(PyContact& self, nb::handle given, nb::handle poses, double margin,
-               nb::handle tool_of_pose, nb::handle group_of_pose) {
+               nb::handle tool_of_pose, nb::handle group_of_pose, nb::handle stream) {
   const PyScene scene = scene_of(given);
-  const PoseRequest request(poses, tool_of_pose, group_of_pose);
+  const PoseRequest request({given, poses, tool_of_pose, group_of_pose, stream});
+  const int gpu = request.query.gpu;
   const std::size_t num = request.group_of_pose ? static_cast<std::size_t>(request.query.num_groups)
                                                 : request.query.X_WT.size();
-  std::vector<std::uint8_t> hits(num);
+  const Made<std::uint8_t> hits(gpu, {num});
+  const auto queue = request.queue(gpu);
   check(self.with_scenes([&](const SceneContact& contact) {
-    return contact.any(scene.scene, request.query, margin, hits.data());
+    return contact.any(scene.scene, request.query, margin, hits.at, queue);
   }));
-  return array_of(std::move(hits), {num}).attr("view")("bool");
+  return hits.bools(gpu);
 }
 
 }  // namespace
@@ -204,49 +180,35 @@ HeldScene held_scene(nb::handle given) {
 
 bool is_scene(nb::handle given) { return nb::isinstance<PyScene>(given); }
 
-SceneMeasured measure_scene(PyContact& self, nb::handle given, nb::handle poses, SceneWants wants,
-                            nb::handle tool_of_pose, nb::handle group_of_pose,
-                            const SceneOut* out) {
+std::unique_ptr<PyBatch> measure_scene(PyContact& self, const SceneQuestion& question,
+                                       SceneWants wants) {
   if (wants.noise) check_std(self);
-  const PyScene scene = scene_of(given);
-  // On a GPU it is known of joined cameras alone.
-  wants.unseen = !scene.cameras.empty() &&
-                 (self.place().backend == Backend::cpu || scene.cameras.size() > 1) &&
-                 self.method() == "field" && wants.unseen;
-  const PoseRequest request(poses, tool_of_pose, group_of_pose);
+  const PyScene scene = scene_of(question.scene);
+  wants.unseen = !scene.cameras.empty() && self.method() == "field" && wants.unseen;
+  const PoseRequest request(question);
   const std::size_t num = request.query.X_WT.size(), num_spheres = self.max_spheres();
-  const auto num_groups = static_cast<std::size_t>(request.query.num_groups);
-  if (out != nullptr) {
-    SceneAnswers answers = out->answers;
-    answers.clearance_limit = wants.limit;
-    answers.clearance_smoothing = wants.smoothing;
-    if (out->num != num) {
-      refuse_shape("out", shape_text({out->num}), shape_text({num}).c_str());
-    }
-    if (answers.max_spheres > 0 && answers.max_spheres != num_spheres) {
-      refuse_shape("out: sphere_depth", shape_text({num, answers.max_spheres}),
-                   shape_text({num, num_spheres}).c_str());
-    }
-    check(self.with_scenes([&](const SceneContact& contact) {
-      return contact.measure(scene.scene, request.query, answers);
-    }));
-    return {};
+  if (request.query.gpu == kHostMemory) {
+    const std::size_t by_sphere = wants.per_sphere ? 21 * num_spheres : 0;
+    check_memory(num, 200 + (wants.stiffness ? 288 : 0) + by_sphere);
   }
-  check_memory(num, 200 + (wants.stiffness ? 288 : 0) + (wants.per_sphere ? 21 * num_spheres : 0));
-  Found found(num, num_groups, wants, num_spheres);
-  check(self.with_scenes([&](const SceneContact& contact) {
-    return contact.measure(scene.scene, request.query, found.answers);
-  }));
-  SceneMeasured measured;
-  measured.more = found.more(num, num_groups, wants, num_spheres);
-  measured.volume = std::move(found.volume);
-  measured.potential = std::move(found.potential);
-  measured.force = std::move(found.force);
-  measured.torque = std::move(found.torque);
-  measured.stiffness = std::move(found.stiffness);
-  measured.deviations = std::move(found.deviations);
-  measured.status = std::move(found.status);
-  return measured;
+  auto batch = make_batch(num, wants.stiffness, wants.noise, request.query.gpu);
+  evaluate(self, scene, request, wants, make_answers(wants, request.query, num_spheres, *batch));
+  return batch;
+}
+
+void measure_scene(PyContact& self, const SceneQuestion& question, const SceneWants& wants,
+                   const PyBatch& out) {
+  const PyScene scene = scene_of(question.scene);
+  const PoseRequest request(question);
+  const std::size_t num = request.query.X_WT.size(), num_spheres = self.max_spheres();
+  SceneAnswers answers = out.scene;
+  answers.contact = out.answers;
+  if (out.num != num) refuse_shape("out", shape_text({out.num}), shape_text({num}).c_str());
+  if (answers.max_spheres > 0 && answers.max_spheres != num_spheres) {
+    refuse_shape("out: sphere_depth", shape_text({num, answers.max_spheres}),
+                 shape_text({num, num_spheres}).c_str());
+  }
+  evaluate(self, scene, request, wants, answers);
 }
 
 void bind_scene(nb::module_& m, nb::class_<PyContact>& contact) {
@@ -293,15 +255,18 @@ ValueError: another word. TypeError: neither surfaces nor bodies.)")
   contact.def(
       "any", any, nb::arg("scene"), nb::arg("poses"), nb::arg("margin") = 0.0, nb::kw_only(),
       nb::arg("tool_of_pose") = nb::none(), nb::arg("group_of_pose") = nb::none(),
+      nb::arg("stream") = nb::none(),
       nb::sig("def any(self, scene: Scene | Surface | Body | "
               "collections.abc.Sequence[Surface | Body], poses: palpate._types.Array, "
               "margin: float = 0.0, *, tool_of_pose: palpate._types.Array | None = None, "
-              "group_of_pose: palpate._types.Array | None = None) "
+              "group_of_pose: palpate._types.Array | None = None, "
+              "stream: palpate._types.Stream | None = None) "
               "-> numpy.typing.NDArray[numpy.bool_]"),
       R"(Whether the tool comes nearer than `margin` (m): (P,) bool, the clearance is below it.
 
 Ends at the first sphere that does, several times faster than the clearance. With group_of_pose: (G,)
-bool, of each group whether one of its poses does. A pose that is not finite does. See measure_batch.)");
+bool, of each group whether one of its poses does. A pose that is not finite does. Of poses on a GPU it
+is an array there. See measure_batch.)");
 }
 
 }  // namespace palpate::python

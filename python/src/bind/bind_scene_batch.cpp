@@ -5,27 +5,6 @@
 #include "python/src/contact.h"
 
 namespace palpate::python {
-namespace {
-
-nb::object measure_scene_batch(PyContact& self, nb::handle scene, nb::handle poses,
-                               const SceneWants& wants, nb::handle tool_of_pose,
-                               nb::handle group_of_pose) {
-  SceneMeasured measured = measure_scene(self, scene, poses, wants, tool_of_pose, group_of_pose);
-  auto batch = std::make_unique<PyBatch>();
-  batch->num = measured.volume.size();
-  batch->more = measured.more;
-  std::vector<double>& numbers = batch->numbers = std::move(measured.volume);
-  for (const auto* const part : {&measured.potential, &measured.force, &measured.torque,
-                                 &measured.stiffness, &measured.deviations}) {
-    numbers.insert(numbers.end(), part->begin(), part->end());
-  }
-  batch->status = std::move(measured.status);
-  batch->lay_out(numbers.data(), batch->status.data(), wants.stiffness, wants.noise, kHostMemory);
-  return nb::cast(std::move(batch));
-}
-
-}  // namespace
-
 void add_scene_results(nb::class_<PyBatch>& batch) {
   struct Named {
     const char *name, *type, *doc;
@@ -73,23 +52,18 @@ nb::object measure_many(PyContact& self, nb::handle surfaces, nb::handle poses,
       group_of_pose.is_none() && self.tools().size() == 1) {
     return measure_batch(self, surfaces, poses, surface_of_pose, stiffness, with_std, out, stream);
   }
-  if (!surface_of_pose.is_none() || !stream.is_none()) {
-    throw nb::value_error(
-        "surface_of_pose and stream go with surfaces, not with a scene: leave them out");
+  if (!surface_of_pose.is_none()) {
+    throw nb::value_error("surface_of_pose goes with surfaces, not with a scene: leave it out");
   }
   const SceneWants wants{stiffness,          with_std, clearance, per_sphere,
                          is_scene(surfaces), limit,    smoothing};
-  if (out.is_none()) {
-    return measure_scene_batch(self, surfaces, poses, wants, tool_of_pose, group_of_pose);
-  }
+  const SceneQuestion question{surfaces, poses, tool_of_pose, group_of_pose, stream};
+  if (out.is_none()) return nb::cast(measure_scene(self, question, wants));
   PyBatch* batch = nullptr;
-  if (!nb::try_cast<PyBatch*>(out, batch, false) || batch == nullptr || batch->given.empty() ||
-      batch->answers.gpu != kHostMemory) {
-    throw nb::type_error("out: of a scene, a palpate.Batch over arrays in host memory is taken");
+  if (!nb::try_cast<PyBatch*>(out, batch, false) || batch == nullptr || batch->given.empty()) {
+    throw nb::type_error("out: of a scene, a palpate.Batch over your own arrays is taken");
   }
-  SceneOut to{batch->scene, batch->num};
-  to.answers.contact = batch->answers;
-  (void)measure_scene(self, surfaces, poses, wants, tool_of_pose, group_of_pose, &to);
+  measure_scene(self, question, wants, *batch);
   return nb::borrow(out);
 }
 

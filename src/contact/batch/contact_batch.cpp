@@ -8,7 +8,7 @@
 
 namespace palpate { inline namespace v0 {
 
-Result<std::unique_ptr<BatchQuery>> make_batch_query(Backend backend,
+Result<std::unique_ptr<BatchQuery>> make_batch_query(const Place& place,
                                                      std::shared_ptr<const ToolIndex> index,
                                                      const ContactMethod& method,
                                                      const ExecutionOptions& execution) {
@@ -19,14 +19,14 @@ Result<std::unique_ptr<BatchQuery>> make_batch_query(Backend backend,
                      name_of(contact_options(method).method) +
                      ": create the contact with FieldMethod, or measure pose by pose"};
   }
-  switch (backend) {
+  switch (place.backend) {
     case Backend::cpu:
       return std::unique_ptr<BatchQuery>(
           std::make_unique<FieldBatch>(std::move(index), *field, execution));
     case Backend::cuda: break;
   }
 #if defined(PALPATE_CUDA)
-  return make_batch_query_cuda(std::move(index), *field, execution.gpu);
+  return make_batch_query_cuda(std::move(index), *field, place.gpu);
 #else
   return find_gpus().error();
 #endif

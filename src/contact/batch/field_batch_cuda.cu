@@ -22,7 +22,8 @@ struct FieldBatchCuda::Table {
   std::optional<gpu::Memory> memory;
   int num = 0;  // there is room for
   FieldLook* on_gpu = nullptr;
-  Pose* X_WC = nullptr;          // copied from host memory
+  Pose* X_WC = nullptr;          // of cameras
+  std::vector<Pose> known_X_WC;  // that lie there
   std::vector<FieldLook> known;  // in the table
   std::vector<FieldLook> desired;
   std::vector<GpuFields> copies;  // of surfaces in host memory, by their numbers
@@ -85,6 +86,7 @@ Status FieldBatchCuda::grow_table(int num_surfaces) const {
   table.on_gpu = memory.take<FieldLook>(static_cast<std::size_t>(num_surfaces));
   table.X_WC = memory.take<Pose>(static_cast<std::size_t>(num_surfaces));
   table.known.clear();
+  table.known_X_WC.clear();
   table.num = 0;
   table.memory.reset();
   if (!memory.status()) return memory.status();
@@ -179,6 +181,26 @@ Status FieldBatchCuda::look_at(const SurfaceBatch& surfaces, gpu::Stream& stream
   return stream.status();
 }
 
+/// Copies the poses of cameras, if they are not those of the last batch.
+Status FieldBatchCuda::place_cameras(std::span<const Pose> X_WC, gpu::Stream& stream,
+                                     BatchJob& job) const {
+  if (X_WC.empty()) return Done{};
+  Table& table = *table_;
+  if (!std::ranges::equal(table.known_X_WC, X_WC)) {
+    if (stream.is_recording()) {
+      return refuse(
+          "a batch was captured in a graph with cameras at other poses than before; measure it "
+          "once before");
+    }
+    if (const Status status = grow_table(static_cast<int>(X_WC.size())); !status) return status;
+    stream.copy(table.X_WC, X_WC.data(), X_WC.size_bytes());
+    if (!stream.wait()) return stream.status();
+    table.known_X_WC.assign(X_WC.begin(), X_WC.end());
+  }
+  job.X_WC = table.X_WC;
+  return Done{};
+}
+
 void FieldBatchCuda::launch(const BatchJob& job, int num_poses, gpu::Stream& stream) const {
   const bool with_stiffness = job.out.stiffness != nullptr;
   const gpu::LaunchShape shape{.blocks = num_poses,
@@ -238,20 +260,12 @@ Status FieldBatchCuda::measure(const SurfaceBatch& surfaces, const PoseBatch& po
           std::to_string(gpu_));
     }
     if (const Status status = grow_staged(num); !status) return status;
-    const int num_cameras = static_cast<int>(poses.X_WC.size());
-    if (const Status status = grow_table(num_cameras); !status) return status;
   }
   BatchJob job;
   job.tool = field_tool_;
   job.p_TC = p_TC_;
+  if (const Status status = place_cameras(poses.X_WC, stream, job); !status) return status;
   if (const Status status = look_at(surfaces, stream, job); !status) return status;
-  if (!poses.X_WC.empty()) {
-    job.X_WC = poses.X_WC.data();
-    if (poses.gpu != gpu_) {
-      stream.copy(table_->X_WC, job.X_WC, poses.X_WC.size_bytes());
-      job.X_WC = table_->X_WC;
-    }
-  }
   const int at_once = is_staged ? staged_.num_poses : num;
   for (int first = 0; first < num; first += at_once) {
     measure_part(poses, answers, first, std::min(at_once, num - first), job, stream);

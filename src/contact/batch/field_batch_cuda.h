@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "palpate/contact/contact.h"
@@ -45,6 +46,7 @@ class FieldBatchCuda final : public BatchQuery {
   Status grow_staged(int num_poses) const;
   Status grow_table(int num_surfaces) const;
   Status look_at(const SurfaceBatch& surfaces, gpu::Stream& stream, BatchJob& job) const;
+  Status place_cameras(std::span<const Pose> X_WC, gpu::Stream& stream, BatchJob& job) const;
   void launch(const BatchJob& job, int num_poses, gpu::Stream& stream) const;
   void measure_part(const PoseBatch& poses, const BatchAnswers& answers, int first, int num,
                     BatchJob& job, gpu::Stream& stream) const;

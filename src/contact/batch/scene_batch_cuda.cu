@@ -12,8 +12,6 @@
 namespace palpate { inline namespace v0 {
 namespace {
 
-constexpr std::size_t kMaxAtOnce = 1 << 15;  // poses on the GPU
-
 // A shape with each tool.
 struct PairsOnGpu {
   std::optional<gpu::Memory> memory;
@@ -23,62 +21,120 @@ struct PairsOnGpu {
 class SceneBatchCuda final : public SceneBatch {
  public:
   SceneBatchCuda(std::span<const std::shared_ptr<const ToolIndex>> tools, SphereVolumes volumes,
-                 int gpu)
+                 int gpu, std::size_t at_once)
       : gpu_(gpu),
+        at_once_(at_once),
         tools_(tools.begin(), tools.end()),
         memory_(gpu),
-        stream_(gpu, gpu::Priority::low),
+        own_stream_(gpu, gpu::Priority::low),
+        caller_stream_(gpu),
         cameras_(gpu),
+        of_shapes_(gpu),
         of_scene_(gpu),
         staged_(gpu) {
     std::vector<SceneTool> made;
     for (const auto& index : tools_) {
       made.push_back({make_field_tool(*index, volumes, memory_).elements,
-                      index->tool().sphere_mass().center_of_mass});
+                      index->tool().sphere_mass().center_of_mass,
+                      full_volume(index->tool(), volumes)});
     }
     on_gpu_ = memory_.copy_of(made);
     allow_shared_bytes<kFewCameras>();
     allow_shared_bytes<kMaxCameras>();
   }
 
-  const Status& status() const { return memory_.status() ? stream_.status() : memory_.status(); }
+  const Status& status() const {
+    return memory_.status() ? own_stream_.status() : memory_.status();
+  }
 
-  Status take(std::span<const SurfaceView> surfaces, std::span<const PlacedBody> bodies) override {
+  Status take(std::span<const SurfaceView> surfaces, std::span<const PlacedBody> bodies,
+              std::optional<CallerStream> desired) override {
+    gpu::Stream& stream = desired ? caller_stream(*desired) : own_stream_;
+    const bool is_here = !show_same(surfaces_, surfaces) &&
+                         std::ranges::any_of(surfaces, [&](const SurfaceView& surface) {
+                           return surface.field.num_levels > 0 && surface.field.gpu != gpu_;
+                         });
+    if (is_here && stream.is_recording()) return late_in_graph("a scene that was not asked before");
     surfaces_.assign(surfaces.begin(), surfaces.end());
     blends_.clear();
     for (const SurfaceView& surface : surfaces_) blends_.push_back({surface, surface, 1});
-    (void)cameras_.take(blends_, {}, {}, 0, stream_);
+    (void)cameras_.take(blends_, {}, {}, 0, stream);
+    const bool is_by_itself =
+        surfaces_.size() == 1 &&
+        (surfaces_[0].role == SurfaceRole::frame || surfaces_[0].role == SurfaceRole::with_memory);
+    one_camera_ = is_by_itself ? cameras_.one_camera(surfaces_[0], stream) : OneCamera{};
+    if (const Status status = take_bodies(bodies, stream); !status) return status;
+    return is_here ? stream.wait() : stream.status();
+  }
+
+  Status measure(const SceneBatchPoses& poses, const BatchAnswers& answers, double* unseen,
+                 std::optional<CallerStream> desired) override {
+    if (poses.X_WT.empty()) return Done{};
+    gpu::Stream& stream = desired ? caller_stream(*desired) : own_stream_;
+    const bool is_here = poses.gpu != gpu_ || answers.gpu != gpu_ || !poses.tool_of_pose.empty() ||
+                         !poses.body_of_pose.empty();
+    if (is_here) {
+      if (stream.is_recording()) return late_in_graph("poses, indices or answers in host memory");
+      const std::size_t most = std::min(poses.X_WT.size(), at_once_);
+      if (const Status status = staged_.grow(most); !status) return status;
+    }
+    if (cameras_.num() <= kFewCameras) {
+      launch_all<kFewCameras>(poses, answers, unseen, stream);
+    } else {
+      launch_all<kMaxCameras>(poses, answers, unseen, stream);
+    }
+    if (desired && !is_here) return stream.status();
+    // Far more time than it takes.
+    return stream.wait(60 + static_cast<double>(poses.X_WT.size()) / 1e3);
+  }
+
+ private:
+  gpu::Stream& caller_stream(const CallerStream& desired) {
+    caller_stream_.continue_in(desired.handle);
+    return caller_stream_;
+  }
+
+  Error late_in_graph(const std::string& what) const {
+    return {Errc::invalid_argument,
+            what + " cannot be captured in a graph; ask it once before, with arrays on GPU " +
+                std::to_string(gpu_)};
+  }
+
+  Status take_bodies(std::span<const PlacedBody> bodies, gpu::Stream& stream) {
     const Status status = shapes_.take(
         bodies.size(), [&](std::size_t b) -> const auto& { return bodies[b].shape; },
         [this](const auto& shape) { return pairs_of(shape); });
     if (!status) return status;
-    std::vector<ScenePair> pairs;
-    for (std::size_t shape = 0; shape < shapes_.size(); ++shape) {
-      const auto& of_shape = shapes_.of_shape(shape).pairs;
-      pairs.insert(pairs.end(), of_shape.begin(), of_shape.end());
-    }
     std::vector<SceneBody> placed;
     for (std::size_t b = 0; b < bodies.size(); ++b) {
       placed.push_back({static_cast<std::int32_t>(shapes_.shape_of_body(b)),
                         is_finite(bodies[b].X_WB), bodies[b].X_WB});
     }
-    gpu::Memory memory(gpu_);
-    pairs_ = memory.copy_of(pairs);
-    bodies_ = memory.copy_of(placed);
+    const bool has_pairs = is_known_ && !shapes_.has_changed();
+    if (has_pairs && placed == placed_) return Done{};
+    is_known_ = false;
+    num_bodies_ = 0;
+    if (stream.is_recording()) return late_in_graph("a scene that was not asked before");
+    if (const Status& waited = stream.wait(60); !waited) return waited;  // for the last scene
+    if (!has_pairs) {
+      std::vector<ScenePair> pairs;
+      for (std::size_t shape = 0; shape < shapes_.size(); ++shape) {
+        const auto& of_shape = shapes_.of_shape(shape).pairs;
+        pairs.insert(pairs.end(), of_shape.begin(), of_shape.end());
+      }
+      of_shapes_ = gpu::Memory(gpu_);
+      pairs_ = of_shapes_.copy_of(pairs);
+      if (!of_shapes_.status()) return of_shapes_.status();
+    }
+    of_scene_ = gpu::Memory(gpu_);
+    bodies_ = of_scene_.copy_of(placed);
+    if (!of_scene_.status()) return of_scene_.status();
     num_bodies_ = static_cast<std::int32_t>(placed.size());
-    if (!memory.status()) return memory.status();
-    of_scene_ = std::move(memory);
-    return stream_.wait();
+    placed_ = std::move(placed);
+    is_known_ = true;
+    return Done{};
   }
 
-  Status measure(const SceneBatchPoses& poses, const BatchAnswers& answers,
-                 double* unseen) override {
-    if (poses.X_WT.empty()) return Done{};
-    if (cameras_.num() <= kFewCameras) return measure<kFewCameras>(poses, answers, unseen);
-    return measure<kMaxCameras>(poses, answers, unseen);
-  }
-
- private:
   template <int kMaxViews>
   void allow_shared_bytes() const {
     for_kernels<kMaxViews>([this](auto* kernel, std::size_t bytes) {
@@ -106,9 +162,9 @@ class SceneBatchCuda final : public SceneBatch {
   }
 
   template <int kMaxViews>
-  Status measure(const SceneBatchPoses& poses, const BatchAnswers& answers, double* unseen) {
+  void launch_all(const SceneBatchPoses& poses, const BatchAnswers& answers, double* unseen,
+                  gpu::Stream& stream) {
     const std::size_t num = poses.X_WT.size();
-    if (const Status status = staged_.grow(std::min(num, kMaxAtOnce)); !status) return status;
     SceneJob<kMaxViews> job;
     job.query = cameras_.query<kMaxViews>();
     for (int k = 0; k < job.query.num_cameras; ++k) {
@@ -121,47 +177,77 @@ class SceneBatchCuda final : public SceneBatch {
     job.num_bodies = num_bodies_;
     job.has_one_body_each = poses.has_one_body_each;
     const bool with_stiffness = answers.stiffness != nullptr;
-    for (std::size_t first = 0; first < num; first += kMaxAtOnce) {
-      const std::size_t size = std::min(kMaxAtOnce, num - first);
+    for (std::size_t first = 0; first < num; first += at_once_) {
+      const std::size_t size = std::min(at_once_, num - first);
       // Bodies by pose are staged from this pose on; without them, the pose's number is the body's.
       job.first_pose = poses.body_of_pose.empty() ? static_cast<std::int32_t>(first) : 0;
-      job.X_WT = staged_.given(stream_, staged_.X_WT, poses.X_WT, first, size);
-      job.tool_of_pose = staged_.given(stream_, staged_.tool, poses.tool_of_pose, first, size);
-      job.body_of_pose = staged_.given(stream_, staged_.body, poses.body_of_pose, first, size);
+      job.X_WT = poses.gpu == gpu_ ? poses.X_WT.data() + first
+                                   : staged_.given(stream, staged_.X_WT, poses.X_WT, first, size);
+      job.tool_of_pose = staged_.given(stream, staged_.tool, poses.tool_of_pose, first, size);
+      job.body_of_pose = staged_.given(stream, staged_.body, poses.body_of_pose, first, size);
       const bool is_staged = answers.gpu != gpu_;
       for_answers(answers, staged_.answers, job.out,
                   [&](auto* desired, auto* staged, std::size_t each, auto*& to) {
                     to = desired == nullptr ? nullptr : is_staged ? staged : desired + each * first;
                   });
-      job.unseen = unseen != nullptr ? staged_.unseen : nullptr;
+      job.unseen = unseen == nullptr ? nullptr : is_staged ? staged_.unseen : unseen + first;
+      if (unseen != nullptr && one_camera_.num > 0) {
+        launch_unseen(job, static_cast<std::int32_t>(size), stream);
+        job.unseen = nullptr;
+      }
       const auto launch = [&](auto* kernel, std::size_t bytes) {
         gpu::launch(
-            stream_,
+            stream,
             {.blocks = static_cast<int>(size), .threads = kHullThreads, .shared_bytes = bytes},
             kernel, job);
       };
-      if (with_stiffness) {
+      const BatchAnswers& out = job.out;
+      const bool has_any = out.volume || out.potential || out.force || out.torque ||
+                           out.stiffness || out.status || job.unseen;
+      if (!has_any) {
+        // Unseen space alone is requested.
+      } else if (with_stiffness) {
         launch(&measure_scene<kMaxViews, Curvature>, sizeof(SceneScratch<kMaxViews, Curvature>));
       } else {
         launch(&measure_scene<kMaxViews, Gradient>, sizeof(SceneScratch<kMaxViews, Gradient>));
       }
-      if (is_staged) copy_answers(answers, staged_.answers, first, size, stream_);
-      if (unseen != nullptr) stream_.copy(unseen + first, staged_.unseen, size * sizeof(double));
+      if (!is_staged) continue;
+      copy_answers(answers, staged_.answers, first, size, stream);
+      if (unseen != nullptr) stream.copy(unseen + first, staged_.unseen, size * sizeof(double));
     }
-    // Far more time than it takes.
-    return stream_.wait(60);
+  }
+
+  template <class Job>
+  void launch_unseen(const Job& of, std::int32_t num, gpu::Stream& stream) const {
+    UnseenJob job;
+    job.camera = one_camera_;
+    job.frame = frame_of(one_camera_.fields[0].intrinsics, {}, {});
+    job.X_WC = surfaces_[0].X_WC;
+    job.tools = on_gpu_;
+    job.X_WT = of.X_WT;
+    job.tool_of_pose = of.tool_of_pose;
+    job.num = num;
+    job.unseen = of.unseen;
+    gpu::launch(stream,
+                {.blocks = (num + kUnseenWarps - 1) / kUnseenWarps,
+                 .threads = kUnseenWarps * gpu::kWarpSize},
+                measure_unseen, job);
   }
 
   int gpu_;
+  std::size_t at_once_;  // poses in a launch
   std::vector<std::shared_ptr<const ToolIndex>> tools_;
   gpu::Memory memory_;
-  gpu::Stream stream_;
+  gpu::Stream own_stream_, caller_stream_;
   const SceneTool* on_gpu_ = nullptr;
   std::vector<SurfaceView> surfaces_;
   std::vector<SurfaceBlend> blends_;
   HullCameras cameras_;
+  OneCamera one_camera_;
   ShapesOfScene<PairsOnGpu> shapes_;
-  gpu::Memory of_scene_;
+  gpu::Memory of_shapes_, of_scene_;
+  bool is_known_ = false;  // what lies there is of these bodies
+  std::vector<SceneBody> placed_;
   const ScenePair* pairs_ = nullptr;
   const SceneBody* bodies_ = nullptr;
   std::int32_t num_bodies_ = 0;
@@ -187,11 +273,11 @@ class BodyBatchCuda final : public BodyBatchQuery {
     }
     if (answers.want_noise()) {
       return Error{Errc::unavailable,
-                   "standard deviations are computed on a CPU: make the query with Backend::cpu, "
+                   "standard deviations are computed on a CPU: make the query with Place::cpu(), "
                    "or leave out volume_std, force_std and torque_std"};
     }
     return scenes_->measure({.X_WT = X_WT, .has_one_body_each = true, .body_of_pose = body_of_pose},
-                            answers, nullptr);
+                            answers, nullptr, {});
   }
 
  private:
@@ -203,9 +289,10 @@ class BodyBatchCuda final : public BodyBatchQuery {
 }  // namespace
 
 Result<std::unique_ptr<SceneBatch>> make_scene_batch_cuda(
-    std::span<const std::shared_ptr<const ToolIndex>> tools, SphereVolumes volumes, int gpu) {
+    std::span<const std::shared_ptr<const ToolIndex>> tools, SphereVolumes volumes, int gpu,
+    std::size_t at_once) {
   if (const Status status = gpu::check_gpu(gpu); !status) return status.error();
-  auto batch = std::make_unique<SceneBatchCuda>(tools, volumes, gpu);
+  auto batch = std::make_unique<SceneBatchCuda>(tools, volumes, gpu, at_once);
   if (const Status status = batch->status(); !status) return status.error();
   return std::unique_ptr<SceneBatch>(std::move(batch));
 }
@@ -214,7 +301,7 @@ Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query_cuda(
     const std::shared_ptr<const ToolIndex>& tool, const std::vector<PlacedBody>& bodies, int gpu) {
   auto made = make_scene_batch_cuda({&tool, 1}, SphereVolumes::represented, gpu);
   if (!made) return made.error();
-  if (const Status status = (*made)->take({}, bodies); !status) return status.error();
+  if (const Status status = (*made)->take({}, bodies, {}); !status) return status.error();
   return std::unique_ptr<BodyBatchQuery>(
       std::make_unique<BodyBatchCuda>(*std::move(made), bodies.size(), gpu));
 }

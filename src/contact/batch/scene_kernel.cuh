@@ -9,6 +9,7 @@
 #include "src/contact/batch/batch_pose.h"
 #include "src/contact/bodies/solid_elements.cuh"
 #include "src/contact/cuda/finish_measure.cuh"
+#include "src/contact/field/unseen_by_one.cuh"
 #include "src/contact/hull/hull_elements.cuh"
 
 namespace palpate { inline namespace v0 {
@@ -17,6 +18,7 @@ namespace palpate { inline namespace v0 {
 struct SceneTool {
   ElementsView elements;
   Vec3d p_TC;
+  double volume = 0;  // m3, of all elements
 };
 struct ScenePair {
   SolidWay of_tool, of_shape;       // elements of either in the field of the other
@@ -27,6 +29,8 @@ struct SceneBody {
   std::int32_t shape = 0;
   bool is_finite = true;
   Pose X_WB;
+
+  friend bool operator==(const SceneBody&, const SceneBody&) = default;
 };
 
 // The argument of the kernel.
@@ -43,10 +47,40 @@ struct SceneJob {
   bool has_one_body_each = false;
   std::int32_t first_pose = 0;
   BatchAnswers out;
-  double* unseen = nullptr;
+  double* unseen = nullptr;  // share of the tool's volume
+};
+
+// The argument of the kernel of what one camera by itself has not seen.
+struct UnseenJob {
+  OneCamera camera;
+  FieldFrame frame;  // without a tool
+  Pose X_WC;
+  const SceneTool* tools = nullptr;
+  const Pose* X_WT = nullptr;
+  const std::int32_t* tool_of_pose = nullptr;
+  std::int32_t num = 0;
+  double* unseen = nullptr;  // share of the tool's volume
 };
 
 namespace {
+
+constexpr int kUnseenWarps = 4;  // of a block
+
+// Measures a pose by a warp.
+__global__ void __launch_bounds__(kUnseenWarps* gpu::kWarpSize)
+    measure_unseen(const __grid_constant__ UnseenJob job) {
+  const int pose = static_cast<int>(blockIdx.x) * kUnseenWarps + gpu::warp_id();
+  if (pose >= job.num) return;
+  const SceneTool& tool = job.tools[job.tool_of_pose != nullptr ? job.tool_of_pose[pose] : 0];
+  const BatchPose at = pose_in_camera(job.X_WT[pose], &job.X_WC);
+  double share = 0;
+  if (at.is_finite) {
+    FieldFrame frame = job.frame;
+    place_tool(at.X_CT, tool.p_TC, frame);
+    share = sum_over_warp(unseen_volume(job.camera, tool.elements, frame, 0, 1)) / tool.volume;
+  }
+  if (gpu::lane_id() == 0) job.unseen[pose] = share < 1 ? share : 1.0;
+}
 
 // Sums of MeasureTerms, and of a stiffness behind them.
 template <class Sample>
@@ -200,7 +234,8 @@ __device__ void put_pose(const SceneJob<kMaxViews>& job, int pose, const Scratch
   if (thread == 0) {
     put(place(out.volume, 1, 0), shared.volume);
     put(place(out.potential, 1, 0), shared.potential);
-    put(place(job.unseen, 1, 0), shared.unseen);
+    const double share = shared.unseen / job.tools[shared.tool_number].volume;
+    put(place(job.unseen, 1, 0), share < 1 ? share : 1.0);
     if (out.status != nullptr) out.status[pose] = shared.status;
   }
   if (thread < 3) {

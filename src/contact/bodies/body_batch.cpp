@@ -98,7 +98,7 @@ bool is_for_batch(std::span<const SurfaceView> surfaces) {
 }
 
 Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query(
-    Backend backend, const std::shared_ptr<const ToolIndex>& tool,
+    const Place& place, const std::shared_ptr<const ToolIndex>& tool,
     const std::vector<PlacedBody>& bodies, const BodyPairOptions& options, ThreadPool* pool) {
   if (bodies.empty()) return refused("a batch was given no body; give one or more");
   std::vector<std::shared_ptr<const ToolIndex>> shapes;
@@ -113,15 +113,15 @@ Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query(
     if (found == shapes.end()) shapes.push_back(body.shape);
     X_WB.push_back(body.X_WB);
   }
-  if (backend == Backend::cuda) {
+  if (place.backend == Backend::cuda) {
     if (options.method != BodyMethod::field) {
       return Error{
           Errc::unavailable,
           "batches against bodies by their spheres are measured on the CPU alone: make the "
-          "query with Backend::cpu, or with BodyMethod::field"};
+          "query with Place::cpu(), or with BodyMethod::field"};
     }
 #if defined(PALPATE_CUDA)
-    return make_body_batch_query_cuda(tool, bodies, options.gpu);
+    return make_body_batch_query_cuda(tool, bodies, place.gpu);
 #else
     return find_gpus().error();
 #endif
@@ -130,7 +130,7 @@ Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query(
       static_cast<std::size_t>(pool != nullptr ? pool->num_threads() : 1));
   for (auto& of_thread : pairs) {
     for (const auto& shape : shapes) {
-      auto made = make_body_pair_query(backend, tool, shape, options);
+      auto made = make_body_pair_query(place, tool, shape, options);
       if (!made) return made.error();
       of_thread.push_back(*std::move(made));
     }

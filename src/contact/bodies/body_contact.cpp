@@ -149,18 +149,18 @@ double BodyContact::potential(const Pose& X_WA, const Pose& X_WB) const noexcept
   return sum;
 }
 
-Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend backend, const Tool& a,
+Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(const Place& place, const Tool& a,
                                                             const Tool& b,
                                                             const BodyPairOptions& options) {
-  return make_body_pair_query(backend, ToolIndex::create(a), ToolIndex::create(b), options);
+  return make_body_pair_query(place, ToolIndex::create(a), ToolIndex::create(b), options);
 }
 
-Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend backend,
+Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(const Place& place,
                                                             std::shared_ptr<const ToolIndex> a,
                                                             std::shared_ptr<const ToolIndex> b,
                                                             const BodyPairOptions& options) {
   const bool by_field = options.method == BodyMethod::field;
-  if (backend == Backend::cpu) {
+  if (place.backend == Backend::cpu) {
     if (by_field) {
       return std::unique_ptr<BodyPairQuery>(
           new SolidContact(std::move(a), std::move(b), options.isa));
@@ -168,8 +168,8 @@ Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend backend,
     return std::unique_ptr<BodyPairQuery>(new BodyContact(a->tool(), b->tool()));
   }
 #if defined(PALPATE_CUDA)
-  return by_field ? make_solid_contact_cuda(std::move(a), std::move(b), options.gpu)
-                  : make_body_contact_cuda(std::move(a), std::move(b), options.gpu);
+  return by_field ? make_solid_contact_cuda(std::move(a), std::move(b), place.gpu)
+                  : make_body_contact_cuda(std::move(a), std::move(b), place.gpu);
 #else
   return find_gpus().error();
 #endif

@@ -43,7 +43,7 @@ int BodyWorld::add(Body body) {
     if (at(other).moves || body.moves) {
       pairs_.push_back(
           {other, index,
-           make_body_pair_query(Backend::cpu, at(other).index, body.index, {.method = method_})
+           make_body_pair_query(Place::cpu(), at(other).index, body.index, {.method = method_})
                .value()});
     }
   }

@@ -20,7 +20,8 @@ class ShapesOfScene {
   /// and no others. Error: the first one of `make`; then nothing is kept.
   template <class ShapeOf, class Make>
   Status take(std::size_t num_bodies, const ShapeOf& shape_of, const Make& make) {
-    if (is_last(num_bodies, shape_of)) return Done{};
+    has_changed_ = !is_last(num_bodies, shape_of);
+    if (!has_changed_) return Done{};
     std::vector<Kept> kept;
     shape_of_body_.clear();
     for (std::size_t b = 0; b < num_bodies; ++b) {
@@ -34,6 +35,7 @@ class ShapesOfScene {
       Result<Made> made = make(shape_of(b));
       if (!made) {
         *this = {};
+        has_changed_ = true;
         return made.error();
       }
       kept.push_back({shape_of(b), *std::move(made)});
@@ -42,6 +44,8 @@ class ShapesOfScene {
     return Done{};
   }
 
+  /// True if the last scene that was taken had other shapes than the one before.
+  bool has_changed() const { return has_changed_; }
   std::size_t size() const { return kept_.size(); }
   const Made& of_shape(std::size_t shape) const { return kept_[shape].made; }
   std::size_t shape_of_body(std::size_t body) const { return shape_of_body_[body]; }
@@ -76,6 +80,7 @@ class ShapesOfScene {
 
   std::vector<Kept> kept_;
   std::vector<std::size_t> shape_of_body_;
+  bool has_changed_ = false;
 };
 
 }}  // namespace palpate::v0

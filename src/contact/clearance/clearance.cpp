@@ -182,39 +182,27 @@ Clearance ClearanceQuery::measure(const ClearanceScene& scene, const PoseScreen&
 Clearance ClearanceQuery::measure_softly(const ClearanceScene& scene, const PoseScreen& screen,
                                          int i, double limit, double smoothing,
                                          std::vector<ClearanceHit>& each) const {
-  constexpr double kNegligible = 30;  // e^-30
-  Clearance soft = measure(scene, screen, i, limit, limit);
-  if (soft.sphere < 0) return soft;
+  Clearance least = measure(scene, screen, i, limit, limit);
+  if (least.sphere < 0) return least;
   const Pose X = unit(screen.X_WT[i]);
-  const double least = soft.value, reach = std::min(limit, least + kNegligible * smoothing);
-  const auto weight = [&](double value) { return std::exp((least - value) / smoothing); };
-  const double at_limit = weight(limit);
-  double sum = at_limit, gradient[6] = {};
-  const auto add = [&](const Clearance& one) {
-    if (!(one.value < reach)) return;
-    const double w = weight(one.value);
-    sum += w - at_limit;
-    for (int k = 0; k < 6; ++k) gradient[k] += w * one.gradient[k];
-  };
+  SoftMinimum soft(least.value, limit, smoothing);
   const std::span<const SeenByCamera> seen = scene.cameras();
-  ClearanceJob job = margin_job(job_, seen.data(), static_cast<int>(seen.size()), tool_, X, reach);
+  ClearanceJob job =
+      margin_job(job_, seen.data(), static_cast<int>(seen.size()), tool_, X, soft.reach);
   job.enough = -1e9f;
   job.deepest = static_cast<float>(limit);
   each.assign(static_cast<std::size_t>(job_.spheres.num_spheres), {job.limit});
   job.each = each.data();
   (void)search(job, screen, i);
-  for (const ClearanceHit& hit : each)
-    add(clearance_of(scene.cameras().data(), tool_, hit, X, limit));
+  for (const ClearanceHit& hit : each) soft.add(clearance_of(seen.data(), tool_, hit, X, limit));
   for (const SearchedBody& body : scene.bodies()) {
-    for_spheres_near(body, job_.spheres, tool_, X, reach,
+    for_spheres_near(body, job_.spheres, tool_, X, soft.reach,
                      [&](std::int32_t sphere, const PointDistance& at) {
-                       add(clearance_to_body(body, 0, at, tool_, sphere, X));
+                       soft.add(clearance_to_body(body, 0, at, tool_, sphere, X));
                      });
   }
-  soft.value = least - smoothing * std::log(sum);
-  if (soft.value <= -limit) return {-limit};
-  for (int k = 0; k < 6; ++k) soft.gradient[k] = gradient[k] / sum;
-  return soft;
+  soft.put(least);
+  return least;
 }
 
 bool ClearanceQuery::is_within(const ClearanceScene& scene, const PoseScreen& screen, int i,

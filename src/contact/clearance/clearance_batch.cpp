@@ -29,31 +29,40 @@ class ClearanceBatchCpu final : public ClearanceBatch {
     for (const auto& tool : tools) queries_.emplace_back(*tool, isa);
   }
 
-  Status take(std::span<const SurfaceView> surfaces, std::span<const Body> bodies) override {
+  Status take(std::span<const SurfaceView> surfaces, std::span<const Body> bodies,
+              std::optional<CallerStream>) override {
     bodies_.clear();
     for (const Body& body : bodies) bodies_.push_back(searched_body(body));
     return scene_.update(surfaces, bodies_, pool_);
   }
 
-  Status measure(const ScenePoses& poses, const ClearanceWants& wants, const Put& put) override {
-    const auto [limit, smoothing, only_least] = wants;
-    const bool has_groups = only_least && !poses.group_of_pose.empty() && !(smoothing > 0);
+  Status measure(const ScenePoses& poses, const SceneAnswers& answers,
+                 std::optional<CallerStream>) override {
+    const double limit = answers.clearance_limit, smoothing = answers.clearance_smoothing;
+    const bool has_groups =
+        answers.only_least_of_groups && !poses.group_of_pose.empty() && !(smoothing > 0);
     for_screens(poses, has_groups, [&](Worker& worker, std::size_t first, std::size_t end) {
       place(poses, first, end, limit, false, worker.screen);
-      if (has_groups) return measure_groups(poses, first, limit, worker, put);
+      if (has_groups) return measure_groups(poses, first, worker, answers);
       for (std::size_t i = first; i < end; ++i) {
-        if (!is_finite(poses.X_WT[i])) continue;
+        if (!is_finite(poses.X_WT[i])) {
+          put_clearance(i, {}, answers);
+          continue;
+        }
         const ClearanceQuery& query = queries_[tool_of(poses, i)];
         const auto number = static_cast<int>(i - first);
-        put(i, smoothing > 0 ? query.measure_softly(scene_, worker.screen, number, limit, smoothing,
-                                                    worker.each)
-                             : query.measure(scene_, worker.screen, number, limit, limit));
+        put_clearance(i,
+                      smoothing > 0 ? query.measure_softly(scene_, worker.screen, number, limit,
+                                                           smoothing, worker.each)
+                                    : query.measure(scene_, worker.screen, number, limit, limit),
+                      answers);
       }
     });
     return Done{};
   }
 
-  Status any(const ScenePoses& poses, double margin, std::uint8_t* hits) override {
+  Status any(const ScenePoses& poses, double margin, std::uint8_t* hits,
+             std::optional<CallerStream>) override {
     std::fill_n(hits, num_groups_of(poses), std::uint8_t{0});
     for_screens(poses, false, [&](Worker& worker, std::size_t first, std::size_t end) {
       place(poses, first, end, margin, true, worker.screen);
@@ -140,13 +149,13 @@ class ClearanceBatchCpu final : public ClearanceBatch {
   }
 
   /// Poses only have to beat those of their group that have been measured just before.
-  void measure_groups(const ScenePoses& poses, std::size_t first, double limit, Worker& worker,
-                      const Put& put) const {
+  void measure_groups(const ScenePoses& poses, std::size_t first, Worker& worker,
+                      const SceneAnswers& answers) const {
     const PoseScreen& screen = worker.screen;
-    const Clearance saturated{limit};
+    const double limit = answers.clearance_limit;
     for (int number = 0; number < screen.num; ++number) {
       const std::size_t i = first + static_cast<std::size_t>(number);
-      if (is_finite(poses.X_WT[i])) put(i, saturated);
+      put_clearance(i, is_finite(poses.X_WT[i]) ? Clearance{limit} : Clearance{}, answers);
     }
     for_groups(poses, first, worker, [&](std::size_t, std::span<const int> numbers) {
       double least = limit;
@@ -155,7 +164,7 @@ class ClearanceBatchCpu final : public ClearanceBatch {
         if (!is_finite(poses.X_WT[i])) continue;
         const Clearance found =
             queries_[tool_of(poses, i)].measure(scene_, screen, number, limit, least);
-        if (found.value < limit) put(i, found);
+        if (found.value < limit) put_clearance(i, found, answers);
         least = std::min(least, found.value);
         if (least <= -limit) return;
       }
@@ -173,9 +182,9 @@ class ClearanceBatchCpu final : public ClearanceBatch {
 }  // namespace
 
 Result<std::unique_ptr<ClearanceBatch>> make_clearance_batch(
-    std::span<const std::shared_ptr<const ToolIndex>> tools, const ExecutionOptions& execution) {
+    std::span<const std::shared_ptr<const ToolIndex>> tools, ThreadPool& pool) {
   return std::unique_ptr<ClearanceBatch>(
-      std::make_unique<ClearanceBatchCpu>(tools, *execution.pool, execution.isa));
+      std::make_unique<ClearanceBatchCpu>(tools, pool, best_isa()));
 }
 
 }}  // namespace palpate::v0

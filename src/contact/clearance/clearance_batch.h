@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <atomic>
-#include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -17,26 +17,34 @@ namespace palpate { inline namespace v0 {
 /// A body with its field in host memory, which the body keeps.
 SearchedBody searched_body(const Body& body);
 
-/// See SceneAnswers.
-struct ClearanceWants {
-  double limit = kClearanceLimit, smoothing = 0;  // m
-  bool only_least_of_groups = false;
-};
+/// Writes the clearance of a pose.
+PALPATE_HOSTDEV inline void put_clearance(std::size_t pose, const Clearance& at,
+                                          const SceneAnswers& answers) {
+  if (answers.clearance != nullptr) answers.clearance[pose] = at.value;
+  if (answers.nearest != nullptr) answers.nearest[pose] = at.sphere;
+  if (answers.decided != nullptr) answers.decided[pose] = at.decider;
+  if (answers.clearance_gradient == nullptr) return;
+  for (std::size_t k = 0; k < 6; ++k) answers.clearance_gradient[6 * pose + k] = at.gradient[k];
+}
 
 /// One thread at a time.
 class ClearanceBatch {
  public:
   virtual ~ClearanceBatch() = default;
 
-  /// Takes the scene of the next questions; what is as in the last one is kept. Errors: see
-  /// check_searched.
-  virtual Status take(std::span<const SurfaceView> surfaces, std::span<const Body> bodies) = 0;
-  /// Calls put(pose, clearance) for each finite pose, on any thread. Errors: a GPU without memory,
-  /// or lost; smoothing on a GPU.
-  using Put = std::function<void(std::size_t, const Clearance&)>;
-  virtual Status measure(const ScenePoses& poses, const ClearanceWants& wants, const Put& put) = 0;
+  // Streams are those of SceneContact::measure, and no matter to a CPU.
+
+  /// Takes the scene of the next questions; what is as in the last one is kept. Waits if anything
+  /// is not. Errors: see check_searched; a new scene in a captured graph.
+  virtual Status take(std::span<const SurfaceView> surfaces, std::span<const Body> bodies,
+                      std::optional<CallerStream> stream) = 0;
+  /// Answers as SceneContact::measure, the clearance alone. Errors: a GPU without memory, or lost;
+  /// arrays in host memory in a captured graph.
+  virtual Status measure(const ScenePoses& poses, const SceneAnswers& answers,
+                         std::optional<CallerStream> stream) = 0;
   /// See SceneContact::any.
-  virtual Status any(const ScenePoses& poses, double margin, std::uint8_t* hits) = 0;
+  virtual Status any(const ScenePoses& poses, double margin, std::uint8_t* hits,
+                     std::optional<CallerStream> stream) = 0;
   /// See measure_tree.
   virtual Result<std::optional<RefusedPosition>> measure_tree(const JointPoses&,
                                                               const TreeAnswers&) {
@@ -46,12 +54,12 @@ class ClearanceBatch {
   }
 };
 
-/// Makes one over the threads of `execution.pool`.
+/// Makes one over the threads of a pool.
 Result<std::unique_ptr<ClearanceBatch>> make_clearance_batch(
-    std::span<const std::shared_ptr<const ToolIndex>> tools, const ExecutionOptions& execution);
-/// The same on a GPU. Errors: no such GPU; too little memory there.
+    std::span<const std::shared_ptr<const ToolIndex>> tools, ThreadPool& pool);
+/// The same on a GPU, `at_once` poses in a launch. Errors: no such GPU; too little memory there.
 Result<std::unique_ptr<ClearanceBatch>> make_clearance_batch_cuda(
-    std::span<const std::shared_ptr<const ToolIndex>> tools, const ExecutionOptions& execution);
+    std::span<const std::shared_ptr<const ToolIndex>> tools, int gpu, std::size_t at_once);
 
 /// Number of the tool of a pose.
 inline std::size_t tool_of(const ScenePoses& poses, std::size_t pose) {

@@ -10,21 +10,42 @@
 #include "src/contact/clearance/clearance_batch.h"
 #include "src/contact/clearance/tree_clearance.cuh"
 #include "src/contact/cuda/gpu_field.h"
+#include "src/contact/hull/camera_seats.h"
 #include "src/contact/index/tool_parts.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
 
-/// Poses in a launch.
-constexpr std::size_t kAtOnce = 1 << 15;
+/// Answers of a question, and whose memory they are in.
+struct PoseAnswers {
+  SceneAnswers clearance;
+  std::uint8_t* is_within = nullptr;
+  int gpu = kHostMemory;
+};
+
+/// Calls f(array of the caller, staged one, numbers of a pose, array of the question).
+template <class F>
+void for_answers(const PoseAnswers& answers, const PoseAnswers& staged, Question& question,
+                 const F& f) {
+  const SceneAnswers &to = answers.clearance, &from = staged.clearance;
+  f(to.clearance, from.clearance, std::size_t{1}, question.out.clearance);
+  f(to.nearest, from.nearest, std::size_t{1}, question.out.nearest);
+  f(to.decided, from.decided, std::size_t{1}, question.out.decided);
+  f(to.clearance_gradient, from.clearance_gradient, std::size_t{6},
+    question.out.clearance_gradient);
+  f(answers.is_within, staged.is_within, std::size_t{1}, question.is_within);
+}
 
 class ClearanceBatchCuda final : public ClearanceBatch {
  public:
-  ClearanceBatchCuda(std::span<const std::shared_ptr<const ToolIndex>> tools, int gpu)
+  ClearanceBatchCuda(std::span<const std::shared_ptr<const ToolIndex>> tools, int gpu,
+                     std::size_t at_once)
       : gpu_(gpu),
+        at_once_(at_once),
         memory_(gpu),
         stream_(gpu, gpu::Priority::low),
-        launches_{Launch(gpu), Launch(gpu)} {
+        caller_stream_(gpu),
+        launches_{Launch(gpu), Launch(gpu), Launch(gpu)} {
     std::vector<ToolOnGpu> made;
     for (const auto& index : tools) {
       const SphereClusters& from = parts_of(*index).clusters();
@@ -39,15 +60,22 @@ class ClearanceBatchCuda final : public ClearanceBatch {
       c.clusters = memory_.copy_of(from.clusters);
       c.groups = memory_.copy_of(from.groups);
       to.tool.spheres = memory_.copy_of(index->tool().spheres());
+      question_.max_spheres = std::max(question_.max_spheres, c.num_spheres);
     }
     question_.tools = memory_.copy_of(made);
     cameras_ = memory_.take<SeenByCamera>(kMaxCameras);
     for (Launch& launch : launches_) {
-      launch.X_WT = memory_.take<Pose>(kAtOnce);
-      launch.tool_of_pose = memory_.take<std::int32_t>(kAtOnce);
-      launch.hits = memory_.take<ClearanceHit>(kAtOnce);
-      launch.found = memory_.take<Clearance>(kAtOnce);
-      launch.found_here = memory_.take_pinned<Clearance>(kAtOnce);
+      launch.X_WT = memory_.take<Pose>(at_once);
+      launch.tool_of_pose = memory_.take<std::int32_t>(at_once);
+      launch.group_of_pose = memory_.take<std::int32_t>(at_once);
+      launch.hits = memory_.take<ClearanceHit>(at_once);
+      launch.found = memory_.take<Clearance>(at_once);
+      SceneAnswers& staged = launch.staged.clearance;
+      staged.clearance = memory_.take<double>(at_once);
+      staged.nearest = memory_.take<std::int32_t>(at_once);
+      staged.decided = memory_.take<std::int32_t>(at_once);
+      staged.clearance_gradient = memory_.take<double>(6 * at_once);
+      launch.staged.is_within = memory_.take<std::uint8_t>(at_once);
     }
   }
 
@@ -58,43 +86,59 @@ class ClearanceBatchCuda final : public ClearanceBatch {
     return memory_.status() ? stream_.status() : memory_.status();
   }
 
-  Status take(std::span<const SurfaceView> surfaces, std::span<const Body> bodies) override {
+  Status take(std::span<const SurfaceView> surfaces, std::span<const Body> bodies,
+              std::optional<CallerStream> desired) override {
     if (const Status status = check_searched(surfaces, gpu_); !status) return status;
+    if (is_last(surfaces, bodies)) return Done{};
+    gpu::Stream& stream = desired ? caller_stream(*desired) : stream_;
+    if (stream.is_recording()) {
+      return Error{Errc::invalid_argument,
+                   "a scene was captured in a graph before it was asked; ask it once before, with "
+                   "the same tools"};
+    }
+    is_known_ = false;
     const std::size_t num = 2 * surfaces.size();
     while (images_.size() < num) images_.push_back(std::make_unique<ImageOnGpu>(gpu_));
     std::vector<const ClearanceImage*> images(num);
     for (std::size_t i = 0; i < num; ++i) {
       const auto [view, is_blocked] = images_of(surfaces[i / 2], surfaces.size() == 1)[i % 2];
       if (view == nullptr) continue;
-      images_[i]->update(*view, is_blocked, stream_);
+      if (!images_[i]->is_of(*view)) images_[i]->update(*view, is_blocked, stream);
       images[i] = &images_[i]->image();
     }
     seen_ = seen_by(surfaces, images);
     question_.cameras = cameras_;
     question_.num_cameras = static_cast<std::int32_t>(seen_.size());
     question_.num_surfaces = static_cast<std::int32_t>(surfaces.size());
-    stream_.copy(cameras_, seen_.data(), seen_.size() * sizeof(SeenByCamera));
-    if (const Status status = take_bodies(bodies); !status) return status;
-    return stream_.wait();
+    stream.copy(cameras_, seen_.data(), seen_.size() * sizeof(SeenByCamera));
+    if (const Status status = take_bodies(bodies, stream); !status) return status;
+    if (const Status& status = stream.wait(); !status) return status;
+    keep(surfaces, bodies);
+    return Done{};
   }
 
-  Status measure(const ScenePoses& poses, const ClearanceWants& wants, const Put& put) override {
-    if (wants.smoothing > 0) {
-      return Error{Errc::unavailable,
-                   "a smooth minimum of the clearance is computed on the CPU; create the contact "
-                   "with Place::cpu(), or leave clearance_smoothing out"};
+  Status measure(const ScenePoses& poses, const SceneAnswers& answers,
+                 std::optional<CallerStream> stream) override {
+    Question question = question_;
+    question.limit = answers.clearance_limit;
+    question.smoothing = answers.clearance_smoothing;
+    if (question.smoothing > 0 && !hits_of_spheres_) {
+      if (stream && caller_stream(*stream).is_recording()) {
+        return Error{Errc::invalid_argument,
+                     "a smooth minimum was captured in a graph before its memory was there; ask "
+                     "for it once before"};
+      }
+      if (const Status status = take_hits_of_spheres(); !status) return status;
     }
-    return evaluate(poses, wants.limit, false, put);
+    return evaluate(poses, {answers, nullptr, answers.contact.gpu}, question, stream);
   }
 
-  Status any(const ScenePoses& poses, double margin, std::uint8_t* hits) override {
-    std::fill_n(hits, num_groups_of(poses), std::uint8_t{0});
-    for (std::size_t i = 0; i < poses.X_WT.size(); ++i) {
-      if (!is_finite(poses.X_WT[i])) hits[group_of(poses, i)] = 1;
-    }
-    return evaluate(poses, margin, true, [&](std::size_t i, const Clearance& at) {
-      if (at.value < margin) hits[group_of(poses, i)] = 1;
-    });
+  Status any(const ScenePoses& poses, double margin, std::uint8_t* hits,
+             std::optional<CallerStream> stream) override {
+    Question question = question_;
+    question.limit = margin;
+    question.is_margin = 1;
+    return evaluate(poses, {{}, hits, poses.gpu}, question, stream);
   }
 
   Result<std::optional<RefusedPosition>> measure_tree(const JointPoses& poses,
@@ -105,7 +149,7 @@ class ClearanceBatchCuda final : public ClearanceBatch {
                        " were given to a contact on GPU " + std::to_string(gpu_) +
                        "; give them there, or in host memory"};
     }
-    if (!tree_ || tree_->tree() != poses.tree) tree_.emplace(poses.tree, gpu_);
+    if (!tree_ || tree_->tree() != poses.tree) tree_.emplace(poses.tree, gpu_, 2 * at_once_);
     if (const Status status = tree_->status(); !status) {
       tree_.reset();
       return status.error();
@@ -116,7 +160,40 @@ class ClearanceBatchCuda final : public ClearanceBatch {
   }
 
  private:
-  Status take_bodies(std::span<const Body> bodies) {
+  /// Takes memory for the hits of all spheres, of as many poses at a time as fit.
+  Status take_hits_of_spheres() {
+    constexpr std::size_t kBytes = 32u << 20;
+    const std::size_t each = static_cast<std::size_t>(question_.max_spheres);
+    soft_at_once_ = std::clamp<std::size_t>(kBytes / (each * sizeof(ClearanceHit)), 1, at_once_);
+    gpu::Memory memory(gpu_);
+    for (Launch& launch : launches_) {
+      launch.each = memory.take<ClearanceHit>(soft_at_once_ * each);
+    }
+    if (!memory.status()) return memory.status();
+    hits_of_spheres_.emplace(std::move(memory));
+    return Done{};
+  }
+
+  gpu::Stream& caller_stream(const CallerStream& desired) {
+    caller_stream_.continue_in(desired.handle);
+    return caller_stream_;
+  }
+
+  bool is_last(std::span<const SurfaceView> surfaces, std::span<const Body> bodies) const {
+    const auto is_body = [](const PlacedBody& known, const Body& given) {
+      return known.shape == given.placed().shape && known.X_WB == given.placed().X_WB;
+    };
+    return is_known_ && show_same(known_surfaces_, surfaces) &&
+           std::ranges::equal(known_bodies_, bodies, is_body);
+  }
+  void keep(std::span<const SurfaceView> surfaces, std::span<const Body> bodies) {
+    known_surfaces_.assign(surfaces.begin(), surfaces.end());
+    known_bodies_.clear();
+    for (const Body& body : bodies) known_bodies_.push_back(body.placed());
+    is_known_ = true;
+  }
+
+  Status take_bodies(std::span<const Body> bodies, gpu::Stream& stream) {
     const Status status = shapes_.take(
         bodies.size(), [&](std::size_t b) -> const auto& { return bodies[b].placed().shape; },
         [this](const auto& shape) -> Result<FieldOnGpu> {
@@ -141,78 +218,130 @@ class ClearanceBatchCuda final : public ClearanceBatch {
       bodies_.emplace(std::move(memory));
     }
     bodies_there_ = std::move(desired);
-    stream_.copy(bodies_on_gpu_, bodies_there_.data(), bodies_there_.size() * sizeof(SearchedBody));
+    stream.copy(bodies_on_gpu_, bodies_there_.data(), bodies_there_.size() * sizeof(SearchedBody));
     question_.bodies = bodies_on_gpu_;
     question_.num_bodies = static_cast<std::int32_t>(bodies.size());
     return Done{};
   }
 
   // Some of the poses on the GPU. Two take turns: while it measures one, the results of the other
-  // are put where they belong.
+  // are put where they belong. The third is for streams of callers, which may still be at work.
   struct Launch {
     explicit Launch(int gpu) : stream(gpu, gpu::Priority::low) {}
 
     gpu::Stream stream;
     Pose* X_WT = nullptr;
-    std::int32_t* tool_of_pose = nullptr;
+    std::int32_t *tool_of_pose = nullptr, *group_of_pose = nullptr;
     ClearanceHit* hits = nullptr;
-    Clearance *found = nullptr, *found_here = nullptr;  // the latter in host memory
+    Clearance* found = nullptr;
+    ClearanceHit* each = nullptr;  // see Question
+    PoseAnswers staged;
     std::size_t first = 0, num = 0;
   };
 
-  Status evaluate(const ScenePoses& poses, double limit, bool is_margin, const Put& put) {
-    finite_.assign(poses.X_WT.begin(), poses.X_WT.end());
-    for (Pose& X_WT : finite_) {
-      if (!is_finite(X_WT)) X_WT = {};
+  /// Asks for all poses, those of a launch at a time.
+  Status evaluate(const ScenePoses& poses, const PoseAnswers& to, const Question& question,
+                  std::optional<CallerStream> desired) {
+    gpu::Stream* const given = desired ? &caller_stream(*desired) : nullptr;
+    const bool is_staged = to.gpu == kHostMemory, has_groups = !poses.group_of_pose.empty();
+    const bool is_here = is_staged || poses.gpu == kHostMemory || !poses.tool_of_pose.empty() ||
+                         (to.is_within != nullptr && has_groups);
+    if (given != nullptr && given->is_recording() && is_here) {
+      return Error{Errc::invalid_argument,
+                   "poses, indices or answers in host memory cannot be captured in a graph; give "
+                   "arrays on GPU " +
+                       std::to_string(gpu_)};
     }
-    Question question = question_;
-    question.limit = limit;
-    question.is_margin = is_margin ? 1 : 0;
+    const std::size_t num = poses.X_WT.size();
+    const std::size_t at_once = question.smoothing > 0 ? soft_at_once_ : at_once_;
+    // Far more time than it takes.
+    const double patience = 60 + static_cast<double>(num) / 1e4;
+    if (to.is_within != nullptr && has_groups) {
+      if (const Status status = clear_groups(poses, to, given); !status) return status;
+    }
     for (Launch& launch : launches_) launch.num = 0;
     int turn = 0;
-    for (std::size_t first = 0; first < finite_.size(); first += kAtOnce, turn = 1 - turn) {
-      Launch& launch = launches_[turn];
-      if (const Status status = finish(launch, poses, put); !status) return status;
+    for (std::size_t first = 0; first < num; first += at_once, turn = 1 - turn) {
+      Launch& launch = given != nullptr ? launches_[2] : launches_[turn];
       launch.first = first;
-      launch.num = std::min(kAtOnce, finite_.size() - first);
-      enqueue(launch, finite_.data() + first, poses.tool_of_pose, question);
+      launch.num = std::min(at_once, num - first);
+      enqueue(launch, poses, to, question, given != nullptr ? *given : launch.stream);
+      if (is_staged) fetch(given != nullptr ? launch : launches_[1 - turn], poses, to, given);
     }
-    for (int i = 0; i < 2; ++i, turn = 1 - turn) {
-      if (const Status status = finish(launches_[turn], poses, put); !status) return status;
+    if (is_staged) fetch(launches_[1 - turn], poses, to, given);
+    if (given != nullptr) return is_here ? given->wait(patience) : given->status();
+    for (Launch& launch : launches_) {
+      if (const Status& status = launch.stream.wait(patience); !status) return status;
     }
     return Done{};
   }
 
-  void enqueue(Launch& launch, const Pose* X_WT, std::span<const std::int32_t> tool_of_pose,
-               Question question) {
-    gpu::Stream& stream = launch.stream;
-    stream.copy(launch.X_WT, X_WT, launch.num * sizeof(Pose));
-    if (!tool_of_pose.empty()) {
-      stream.copy(launch.tool_of_pose, tool_of_pose.data() + launch.first,
-                  launch.num * sizeof(std::int32_t));
-      question.tool_of_pose = launch.tool_of_pose;
+  Status clear_groups(const ScenePoses& poses, const PoseAnswers& to, gpu::Stream* given) {
+    const std::size_t num = num_groups_of(poses);
+    if (to.gpu == kHostMemory) {
+      std::fill_n(to.is_within, num, std::uint8_t{0});
+      return Done{};
     }
-    question.X_WT = launch.X_WT;
+    gpu::Stream& stream = given != nullptr ? *given : stream_;
+    stream.clear(to.is_within, num);
+    return given != nullptr ? stream.status() : stream.wait();
+  }
+
+  void enqueue(Launch& launch, const ScenePoses& poses, const PoseAnswers& to, Question question,
+               gpu::Stream& stream) {
+    const std::size_t first = launch.first, num = launch.num;
+    const bool is_staged = to.gpu == kHostMemory;
+    const auto on_gpu = [&]<class T>(T* there, const T* from) {
+      stream.copy(there, from + first, num * sizeof(T));
+      return there;
+    };
+    question.X_WT = poses.gpu != kHostMemory ? poses.X_WT.data() + first
+                                             : on_gpu(launch.X_WT, poses.X_WT.data());
+    if (!poses.tool_of_pose.empty()) {
+      question.tool_of_pose = on_gpu(launch.tool_of_pose, poses.tool_of_pose.data());
+    }
+    for_answers(to, launch.staged, question,
+                [&](auto* desired, auto* staged, std::size_t each, auto*& at) {
+                  at = desired == nullptr ? nullptr : is_staged ? staged : desired + each * first;
+                });
+    if (to.is_within != nullptr && !is_staged && !poses.group_of_pose.empty()) {
+      question.group_of_pose = on_gpu(launch.group_of_pose, poses.group_of_pose.data());
+      question.is_within = to.is_within;
+    }
     question.hits = launch.hits;
     question.found = launch.found;
-    question.num_poses = static_cast<std::int32_t>(launch.num);
-    const gpu::LaunchShape warps{.blocks = blocks_for(launch.num, kWarps),
+    question.each = launch.each;
+    question.num_poses = static_cast<std::int32_t>(num);
+    const gpu::LaunchShape warps{.blocks = blocks_for(num, kWarps),
                                  .threads = kWarps * gpu::kWarpSize,
-                                 .shared_bytes = sizeof(CameraScratch)};
+                                 .shared_bytes = sizeof(CameraScratch)},
+        threads{.blocks = blocks_for(num, kThreads)};
     if (question.num_cameras > 0) gpu::launch(stream, warps, search_poses, question);
-    gpu::launch(stream, {.blocks = blocks_for(launch.num, kThreads)}, refine_poses, question);
+    gpu::launch(stream, threads, refine_poses, question);
     if (question.num_bodies > 0) gpu::launch(stream, warps, search_bodies, question);
-    stream.copy(launch.found_here, launch.found, launch.num * sizeof(Clearance));
+    if (question.smoothing > 0) gpu::launch(stream, warps, soften_poses, question);
+    gpu::launch(stream, threads, put_poses, question);
   }
 
-  static Status finish(Launch& launch, const ScenePoses& poses, const Put& put) {
-    const std::size_t num = std::exchange(launch.num, 0);
-    if (num == 0) return Done{};
-    if (const Status status = launch.stream.wait(60); !status) return status;
+  /// Copies the answers of a launch to the arrays of the caller in host memory.
+  void fetch(Launch& launch, const ScenePoses& poses, const PoseAnswers& to, gpu::Stream* given) {
+    const std::size_t first = launch.first, num = std::exchange(launch.num, 0);
+    if (num == 0) return;
+    gpu::Stream& stream = given != nullptr ? *given : launch.stream;
+    PoseAnswers of_poses = to;
+    const bool has_groups = to.is_within != nullptr && !poses.group_of_pose.empty();
+    if (has_groups) of_poses.is_within = nullptr;
+    Question none;
+    for_answers(of_poses, launch.staged, none, [&](auto* at, auto* from, std::size_t each, auto*&) {
+      if (at != nullptr) stream.copy(at + each * first, from, each * num * sizeof *at);
+    });
+    if (!has_groups) return;
+    is_within_here_.resize(num);
+    stream.copy(is_within_here_.data(), launch.staged.is_within, num);
+    if (!stream.wait(60)) return;
     for (std::size_t i = 0; i < num; ++i) {
-      if (is_finite(poses.X_WT[launch.first + i])) put(launch.first + i, launch.found_here[i]);
+      if (is_within_here_[i] != 0) to.is_within[group_of(poses, first + i)] = 1;
     }
-    return Done{};
   }
 
   // The distance field of a shape.
@@ -222,8 +351,12 @@ class ClearanceBatchCuda final : public ClearanceBatch {
   };
 
   int gpu_;
+  std::size_t at_once_;  // poses
   gpu::Memory memory_;
-  gpu::Stream stream_;
+  gpu::Stream stream_, caller_stream_;
+  bool is_known_ = false;  // the scene of the last question
+  std::vector<SurfaceView> known_surfaces_;
+  std::vector<PlacedBody> known_bodies_;
   ShapesOfScene<FieldOnGpu> shapes_;
   std::optional<gpu::Memory> bodies_;
   std::size_t num_bodies_ = 0;  // there is room for
@@ -232,18 +365,20 @@ class ClearanceBatchCuda final : public ClearanceBatch {
   std::vector<std::unique_ptr<ImageOnGpu>> images_;  // two of each surface
   std::vector<SeenByCamera> seen_;
   SeenByCamera* cameras_ = nullptr;
-  std::vector<Pose> finite_;  // outlives what copies it
-  Launch launches_[2];
+  std::vector<std::uint8_t> is_within_here_;  // of the poses of a launch
+  Launch launches_[3];
   Question question_;
+  std::optional<gpu::Memory> hits_of_spheres_;
+  std::size_t soft_at_once_ = 0;   // poses
   std::optional<TreeOnGpu> tree_;  // the last one
 };
 
 }  // namespace
 
 Result<std::unique_ptr<ClearanceBatch>> make_clearance_batch_cuda(
-    std::span<const std::shared_ptr<const ToolIndex>> tools, const ExecutionOptions& execution) {
-  if (const Status status = gpu::check_gpu(execution.gpu); !status) return status.error();
-  auto made = std::make_unique<ClearanceBatchCuda>(tools, execution.gpu);
+    std::span<const std::shared_ptr<const ToolIndex>> tools, int gpu, std::size_t at_once) {
+  if (const Status status = gpu::check_gpu(gpu); !status) return status.error();
+  auto made = std::make_unique<ClearanceBatchCuda>(tools, gpu, at_once);
   if (const Status status = made->status(); !status) return status.error();
   return std::unique_ptr<ClearanceBatch>(std::move(made));
 }

@@ -52,9 +52,11 @@ class ImageOnGpu {
  public:
   explicit ImageOnGpu(int gpu) : memory_(gpu), copies_(gpu) {}
 
+  bool is_of(const DepthFieldView& view) const {
+    return view.stamp != 0 && stamp_ == view.stamp && thickness_ == view.thickness;
+  }
   /// Failures go to the stream.
   void update(const DepthFieldView& view, bool is_blocked, gpu::Stream& stream) {
-    if (view.stamp != 0 && stamp_ == view.stamp && thickness_ == view.thickness) return;
     const DepthFieldView field = copies_.on_gpu(view, stream);
     const ClearanceImage old = std::exchange(image_, image_of(view, is_blocked));
     if (old.width != image_.width || old.height != image_.height) {

@@ -1,11 +1,12 @@
 // Kernels of clearance on a GPU: a warp searches for the spheres of a pose as a vector of a
-// processor does, with the same text (nearest_sphere.h); then a thread refines what it has found,
-// and a warp asks the bodies.
+// processor does, with the same text (nearest_sphere.h); then a thread refines what it has found, a
+// warp asks the bodies, and a thread writes the answers.
 #pragma once
 
 #include "src/gpu/internal/warp_lanes.cuh"
 
 #include "src/contact/clearance/body_distance.h"
+#include "src/contact/clearance/clearance_batch.h"
 #include "src/contact/clearance/clearance_image_cuda.cuh"
 #include "src/contact/clearance/nearest_sphere.h"
 
@@ -27,18 +28,35 @@ struct Question {
   const SearchedBody* bodies = nullptr;
   std::int32_t num_cameras = 0, num_surfaces = 0, num_bodies = 0;
   std::int32_t is_margin = 0;  // only whether the clearance is below the limit
-  double limit = 0;
+  double limit = 0, smoothing = 0;
   const Pose* X_WT = nullptr;
   const std::int32_t* tool_of_pose = nullptr;  // null: the first
   std::int32_t num_poses = 0;
   ClearanceHit* hits = nullptr;
   Clearance* found = nullptr;
+  ClearanceHit* each = nullptr;                 // of all spheres of a pose, for a smooth minimum
+  std::int32_t max_spheres = 0;                 // of a tool
+  SceneAnswers out;                             // the clearance
+  std::uint8_t* is_within = nullptr;            // of poses, or groups; of a margin
+  const std::int32_t* group_of_pose = nullptr;  // null: of poses
 
   __device__ const ToolOnGpu& tool(int pose) const {
     return tools[tool_of_pose != nullptr ? tool_of_pose[pose] : 0];
   }
+  __device__ bool is_measured(int pose) const {
+    const Vec3d& t = X_WT[pose].translation;
+    const Quaternion& q = X_WT[pose].rotation;
+    const double sum = t.x + t.y + t.z + q.x + q.y + q.z + q.w;
+    return sum - sum == 0;  // all are finite
+  }
   __device__ Pose unit_pose(int pose) const {
     return {X_WT[pose].translation, normalized(X_WT[pose].rotation)};
+  }
+  /// The whole warp calls.
+  __device__ void place_cameras(const Pose& X, ClearanceCamera (&to)[kMaxCameras]) const {
+    const int lane = gpu::lane_id();
+    if (lane < num_cameras) place_camera(cameras[lane], X, to[lane]);
+    __syncwarp();
   }
   __device__ ClearanceJob search(const ToolOnGpu& of, const Pose& X) const {
     ClearanceJob job;
@@ -58,11 +76,12 @@ __global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
   auto& cameras = gpu::shared_memory<CameraScratch>().of_warp[gpu::warp_id()];
   const int pose = static_cast<int>(blockIdx.x) * kWarps + gpu::warp_id();
   if (pose >= question.num_poses) return;
-  const Pose X = question.unit_pose(pose);
-  if (gpu::lane_id() < question.num_cameras) {
-    place_camera(question.cameras[gpu::lane_id()], X, cameras[gpu::lane_id()]);
+  if (!question.is_measured(pose)) {
+    if (gpu::lane_id() == 0) question.hits[pose] = {};
+    return;
   }
-  __syncwarp();
+  const Pose X = question.unit_pose(pose);
+  question.place_cameras(X, cameras);
   ClearanceJob job = question.search(question.tool(pose), X);
   job.cameras = cameras;
   ClearanceHit hit;
@@ -87,10 +106,11 @@ __global__ void refine_poses(const __grid_constant__ Question question) {
   question.found[pose] = found;
 }
 
-/// Writes the nearest sphere of a tool to a body, and lowers `least` to its clearance, if that is
-/// lower. The whole warp calls.
-__device__ inline void ask_body(const SearchedBody& body, std::int32_t decider, const ToolOnGpu& of,
-                                const Pose& X, double& least, Clearance& found) {
+/// Calls visit(id, at) for clusters of spheres that a body may be nearer to than `least` (m), which
+/// may be lowered meanwhile: in each lane a sphere, or -1, and its distance. The whole warp calls.
+template <class Visit>
+__device__ void for_clusters_near(const SearchedBody& body, const ToolOnGpu& of, const Pose& X,
+                                  const double& least, const Visit& visit) {
   const ClusterView& clusters = of.clusters;
   const PlacedTool placed(body, X);
   const int lane = gpu::lane_id();
@@ -102,32 +122,36 @@ __device__ inline void ask_body(const SearchedBody& body, std::int32_t decider, 
     for (; near != 0; near &= near - 1) {
       const int cluster = begin + __ffs(static_cast<int>(near)) - 1;
       const std::int32_t id = clusters.sphere_id[cluster * SphereClusters::kSize + lane];
-      PointDistance at;
-      double value = 1e30;
-      if (id >= 0) {
-        at = placed.distance(of.tool.spheres[id].center);
-        value = at.phi - static_cast<double>(of.tool.spheres[id].radius);
-      }
-      double nearest = value;
-      for (int step = gpu::kWarpSize / 2; step > 0; step /= 2) {
-        const double other = __shfl_xor_sync(gpu::kWholeWarp, nearest, step);
-        nearest = other < nearest ? other : nearest;
-      }
-      if (!(nearest < least)) continue;
-      least = nearest;
-      const unsigned those = __ballot_sync(gpu::kWholeWarp, value == nearest);
-      if (lane == __ffs(static_cast<int>(those)) - 1) {
-        found = clearance_to_body(body, decider, at, of.tool, id, X);
-      }
-      __syncwarp();
+      visit(id, id >= 0 ? placed.distance(of.tool.spheres[id].center) : PointDistance{});
     }
   }
+}
+
+/// Writes the nearest sphere of a tool to a body, and lowers `least` to its clearance, if that is
+/// lower. The whole warp calls.
+__device__ inline void ask_body(const SearchedBody& body, std::int32_t decider, const ToolOnGpu& of,
+                                const Pose& X, double& least, Clearance& found) {
+  for_clusters_near(body, of, X, least, [&](std::int32_t id, const PointDistance& at) {
+    const double value = id >= 0 ? at.phi - static_cast<double>(of.tool.spheres[id].radius) : 1e30;
+    double nearest = value;
+    for (int step = gpu::kWarpSize / 2; step > 0; step /= 2) {
+      const double other = __shfl_xor_sync(gpu::kWholeWarp, nearest, step);
+      nearest = other < nearest ? other : nearest;
+    }
+    if (!(nearest < least)) return;
+    least = nearest;
+    const unsigned those = __ballot_sync(gpu::kWholeWarp, value == nearest);
+    if (gpu::lane_id() == __ffs(static_cast<int>(those)) - 1) {
+      found = clearance_to_body(body, decider, at, of.tool, id, X);
+    }
+    __syncwarp();
+  });
 }
 
 __global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
     search_bodies(const __grid_constant__ Question question) {
   const int pose = static_cast<int>(blockIdx.x) * kWarps + gpu::warp_id();
-  if (pose >= question.num_poses) return;
+  if (pose >= question.num_poses || !question.is_measured(pose)) return;
   const Pose X = question.unit_pose(pose);
   const ToolOnGpu& of = question.tool(pose);
   double least = question.found[pose].value;
@@ -137,6 +161,70 @@ __global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
   }
   if (gpu::lane_id() == 0 && question.is_margin == 0 && least <= -question.limit) {
     question.found[pose] = Clearance{-question.limit};
+  }
+}
+
+/// Puts the smooth minimum in place of the least clearance: a lane has some of the spheres.
+__global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
+    soften_poses(const __grid_constant__ Question question) {
+  auto& cameras = gpu::shared_memory<CameraScratch>().of_warp[gpu::warp_id()];
+  const int pose = static_cast<int>(blockIdx.x) * kWarps + gpu::warp_id();
+  if (pose >= question.num_poses || !question.is_measured(pose)) return;
+  Clearance& found = question.found[pose];
+  if (found.sphere < 0) return;
+  const Pose X = question.unit_pose(pose);
+  const ToolOnGpu& of = question.tool(pose);
+  const int lane = gpu::lane_id();
+  SoftMinimum soft(found.value, question.limit, question.smoothing);
+  if (lane > 0) soft.sum = 0;
+  if (question.num_cameras > 0) {
+    question.place_cameras(X, cameras);
+    ClearanceJob job = question.search(of, X);
+    job = margin_job(job, question.cameras, question.num_cameras, of.tool, X, soft.reach);
+    job.enough = -1e9f;
+    job.deepest = static_cast<float>(question.limit);
+    job.cameras = cameras;
+    job.each = question.each + std::ptrdiff_t{question.max_spheres} * pose;
+    const int num = of.clusters.num_spheres;
+    for (int i = lane; i < num; i += gpu::kWarpSize) job.each[i] = {job.limit};
+    __syncwarp();
+    ClearanceHit none;
+    isa_warp::search_clusters(job, none);
+    __syncwarp();
+    for (int i = lane; i < num; i += gpu::kWarpSize) {
+      soft.add(clearance_of(question.cameras, of.tool, job.each[i], X, question.limit));
+    }
+  }
+  for (int b = 0; b < question.num_bodies; ++b) {
+    const SearchedBody& body = question.bodies[b];
+    for_clusters_near(body, of, X, soft.reach, [&](std::int32_t id, const PointDistance& at) {
+      if (id >= 0) soft.add(clearance_to_body(body, 0, at, of.tool, id, X));
+    });
+  }
+  const auto sum_over_warp = [](double& value) {
+    for (int step = gpu::kWarpSize / 2; step > 0; step /= 2) {
+      value += __shfl_xor_sync(gpu::kWholeWarp, value, step);
+    }
+  };
+  sum_over_warp(soft.sum);
+  for (double& slope : soft.gradient) sum_over_warp(slope);
+  if (lane == 0) soft.put(found);
+}
+
+__global__ void put_poses(const __grid_constant__ Question question) {
+  const int pose = gpu::grid_thread();
+  if (pose >= question.num_poses) return;
+  const bool is_measured = question.is_measured(pose);
+  const Clearance& found = question.found[pose];
+  if (question.is_margin == 0) {
+    return put_clearance(static_cast<std::size_t>(pose), is_measured ? found : Clearance{},
+                         question.out);
+  }
+  const bool is_hit = !is_measured || found.value < question.limit;
+  if (question.group_of_pose == nullptr) {
+    question.is_within[pose] = is_hit ? 1 : 0;
+  } else if (is_hit) {
+    question.is_within[question.group_of_pose[pose]] = 1;
   }
 }
 

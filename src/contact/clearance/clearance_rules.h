@@ -82,6 +82,38 @@ PALPATE_HOSTDEV inline Clearance clearance_of(const SeenByCamera* cameras,
   return result;
 }
 
+/// The smooth minimum of clearances (SceneAnswers::clearance_smoothing), from their least on:
+///   least - s ln(sum of e^((least - c) / s)), each term less that of the limit, and that once.
+struct SoftMinimum {
+  double least, limit, smoothing;
+  double reach;     ///< m: clearances from here on are negligible
+  double at_limit;  ///< weight of the limit
+  double sum, gradient[6] = {};
+
+  PALPATE_HOSTDEV SoftMinimum(double nearest, double at_most, double s)
+      : least(nearest), limit(at_most), smoothing(s) {
+    constexpr double kNegligible = 30;  // e^-30
+    reach = lesser(limit, least + kNegligible * smoothing);
+    sum = at_limit = weight(limit);
+  }
+  PALPATE_HOSTDEV double weight(double value) const {
+    return std::exp((least - value) / smoothing);
+  }
+  PALPATE_HOSTDEV void add(const Clearance& one) {
+    if (!(one.value < reach)) return;
+    const double w = weight(one.value);
+    sum += w - at_limit;
+    for (int k = 0; k < 6; ++k) gradient[k] += w * one.gradient[k];
+  }
+  /// Puts it in place of the least.
+  PALPATE_HOSTDEV void put(Clearance& to) const {
+    to.value = least - smoothing * std::log(sum);
+    if (to.value <= -limit) to = Clearance{-limit};
+    if (to.sphere < 0) return;
+    for (int k = 0; k < 6; ++k) to.gradient[k] = gradient[k] / sum;
+  }
+};
+
 /// Returns the most (m) that planes change distances of a tool that is within a margin.
 PALPATE_HOSTDEV inline double margin_change(const SeenByCamera* cameras, int num_cameras,
                                             const ClearanceTool& tool, const Pose& X_WT,

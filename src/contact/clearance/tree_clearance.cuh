@@ -271,7 +271,8 @@ __global__ void put_answers(const __grid_constant__ TreeJob job) {
 /// A tree on a GPU, with memory for some of its configurations at a time.
 class TreeOnGpu {
  public:
-  TreeOnGpu(std::shared_ptr<const JointTree> tree, int gpu) : tree_(std::move(tree)), memory_(gpu) {
+  TreeOnGpu(std::shared_ptr<const JointTree> tree, int gpu, std::size_t at_once)
+      : tree_(std::move(tree)), memory_(gpu) {
     job_.joints = memory_.copy_of(tree_->joints);
     job_.ranges = memory_.copy_of(tree_->ranges);
     job_.frame_of_tool = memory_.copy_of(tree_->frame_of_tool);
@@ -282,7 +283,7 @@ class TreeOnGpu {
                       tools = tree_->frame_of_tool.size();
     constexpr std::size_t kByLink = 2 * sizeof(float) + sizeof(std::int32_t) + sizeof(LinkHit);
     const std::size_t each = frames * sizeof(Pose) + tools * kByLink + 2 * n * sizeof(double) + 128;
-    at_once_ = std::clamp<std::size_t>(kMaxBytes / each, 1, std::size_t{1} << 16);
+    at_once_ = std::clamp<std::size_t>(kMaxBytes / each, 1, at_once);
     positions_ = memory_.take<double>(at_once_ * n);
     job_.X_WF = memory_.take<Pose>(at_once_ * frames);
     job_.bounds = memory_.take<float>(at_once_ * tools);

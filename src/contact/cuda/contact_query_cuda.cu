@@ -341,9 +341,7 @@ void PointMeasurementCuda::describe(const ContactWants& wants) noexcept {
 }  // namespace
 
 Result<std::unique_ptr<ContactQuery>> make_contact_query_cuda(
-    std::shared_ptr<const ToolIndex> index, const ContactMethod& method,
-    const ExecutionOptions& execution) {
-  const int gpu = execution.gpu;
+    std::shared_ptr<const ToolIndex> index, const ContactMethod& method, int gpu) {
   if (const Status status = gpu::check_gpu(gpu); !status) return status.error();
   if (const auto* field = std::get_if<FieldMethod>(&method)) {
     auto query = std::make_unique<FieldContactCuda>(std::move(index), *field, gpu);

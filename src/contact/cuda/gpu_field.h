@@ -27,10 +27,12 @@ class GpuFields {
     Silhouette* silhouettes = nullptr;
     std::uint8_t* near_silhouette = nullptr;
     DepthTile* tiles = nullptr;
-    std::size_t num_pixels = 0, num_tiles = 0;  ///< there is room for
+    std::uint32_t* filled_behind = nullptr;
+    std::size_t num_pixels = 0, num_tiles = 0, num_words = 0;  ///< there is room for
   };
 
-  bool grow(Copy& copy, std::size_t num_pixels, std::size_t num_tiles, gpu::Stream& stream);
+  bool grow(Copy& copy, std::size_t num_pixels, std::size_t num_tiles, std::size_t num_words,
+            gpu::Stream& stream);
 
   int gpu_;
   Copy copies_[CopySlots::kNum];

@@ -9,6 +9,7 @@
 #include "src/contact/blend.h"
 #include "src/contact/cuda/finish_measure.cuh"
 #include "src/contact/field/field_contact.h"
+#include "src/contact/field/unseen_by_one.cuh"
 #include "src/contact/field/whole_clusters_cuda.cuh"
 #include "src/field/internal/field_point.h"
 
@@ -84,6 +85,40 @@ __global__ void describe_spheres(const __grid_constant__ DepthFieldView field, c
   }
 }
 
+constexpr int kUnseenThreads = 256;
+
+struct UnseenScratch {
+  double of_warp[kUnseenThreads / gpu::kWarpSize];
+};
+
+// Writes the unseen volume of a tool, by one block.
+__global__ void sum_unseen(const __grid_constant__ OneCamera camera, const FieldFrame frame,
+                           const ElementsView elements, double* to) {
+  auto& shared = gpu::shared_memory<UnseenScratch>();
+  constexpr int kNum = kUnseenThreads / gpu::kWarpSize;
+  const double mine = sum_over_warp(unseen_volume(camera, elements, frame, gpu::warp_id(), kNum));
+  if (gpu::lane_id() == 0) shared.of_warp[gpu::warp_id()] = mine;
+  __syncthreads();
+  if (threadIdx.x != 0) return;
+  double sum = 0;
+  for (int warp = 0; warp < kNum; ++warp) sum += shared.of_warp[warp];
+  *to = sum;
+}
+
+__global__ void mark_unseen(const __grid_constant__ OneCamera camera, const FieldFrame frame,
+                            const Vec3f p_TC, const Sphere* spheres, int num,
+                            std::uint8_t* unseen) {
+  for (int id = gpu::grid_thread(); id < num; id += gpu::grid_threads()) {
+    const Vec3f c = spheres[id].center - p_TC;
+    float p[3];
+    for (int row = 0; row < 3; ++row) {
+      const float(&r)[3] = frame.R_WT[row];
+      p[row] = r[0] * c.x + r[1] * c.y + r[2] * c.z + frame.p_WC[row];
+    }
+    unseen[id] = is_seen_by(camera, frame, p) ? 0 : 1;
+  }
+}
+
 // Returns the number of blocks for so many threads, but not more than run at once.
 int blocks_for(int num_threads, int threads, int most) {
   return std::max(1, std::min((num_threads + threads - 1) / threads, most));
@@ -114,6 +149,7 @@ FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
       field_tool_(make_field_tool(*this->index(), method.volumes, memory_)),
       stream_(gpu, gpu::Priority::high),
       fields_(gpu),
+      in_front_(gpu),
       answers_(gpu, measure_blocks<Gradient>(gpu, field_tool_.elements.num_clusters)),
       stiffness_answers_(gpu, measure_blocks<Curvature>(gpu, field_tool_.elements.num_clusters),
                          AnswerBox::kMaxNumbers),
@@ -121,6 +157,7 @@ FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
       planes_(memory_.take<Plane<float>>(static_cast<std::size_t>(num_spheres_))),
       deciders_(memory_.take<std::int8_t>(static_cast<std::size_t>(num_spheres_))),
       unseen_(memory_.take<std::uint8_t>(static_cast<std::size_t>(num_spheres_))),
+      unseen_volume_(memory_.take_pinned<double>(1)),
       hull_(std::make_unique<DepthHullCuda>(field_tool_, center_of_mass_, num_spheres_, gpu)) {}
 
 ContactResult FieldContactCuda::measure_hull(std::span<const SurfaceBlend> cameras,
@@ -128,6 +165,27 @@ ContactResult FieldContactCuda::measure_hull(std::span<const SurfaceBlend> camer
                                              const ContactWants& wants) const noexcept {
   if (!status()) return unmeasured(StepStatus::backend_failed, wants, true);
   return hull_->measure(cameras, X_WT, wants, {states_, planes_, deciders_, unseen_}, stream_);
+}
+
+double FieldContactCuda::unseen_by_one(const SurfaceView& surface, const Pose& X_CT,
+                                       std::span<std::uint8_t> unseen) const noexcept {
+  if (surface.field.num_levels == 0 || !status()) return 0;
+  const bool is_memory = surface.role == SurfaceRole::with_memory;
+  const OneCamera camera{
+      {fields_.on_gpu(surface.field, stream_), in_front_.on_gpu(surface.in_front, stream_)},
+      is_memory ? 2 : 1};
+  const FieldFrame frame = frame_of(surface.field.intrinsics, X_CT, center_of_mass_);
+  gpu::launch(stream_, {.threads = kUnseenThreads, .shared_bytes = sizeof(UnseenScratch)},
+              sum_unseen, camera, frame, field_tool_.elements, unseen_volume_);
+  if (!unseen.empty()) {
+    gpu::launch(
+        stream_,
+        {.blocks = (num_spheres_ + kUnseenThreads - 1) / kUnseenThreads, .threads = kUnseenThreads},
+        mark_unseen, camera, frame, to_float(center_of_mass_), field_tool_.spheres, num_spheres_,
+        unseen_);
+    stream_.copy(unseen.data(), unseen_, unseen.size_bytes());
+  }
+  return stream_.wait() ? *unseen_volume_ : 0;
 }
 
 const Status& FieldContactCuda::status() const {

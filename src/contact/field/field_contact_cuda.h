@@ -36,6 +36,8 @@ class FieldContactCuda final : public ContactQuery {
  protected:
   ContactResult measure_hull(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                              const ContactWants& wants) const noexcept override;
+  double unseen_by_one(const SurfaceView& surface, const Pose& X_CT,
+                       std::span<std::uint8_t> unseen) const noexcept override;
 
  private:
   /// `Sample`: with first derivatives of the field, or with second ones for a stiffness.
@@ -50,12 +52,13 @@ class FieldContactCuda final : public ContactQuery {
   FieldTool field_tool_;
   // Scratch.
   mutable gpu::Stream stream_;
-  mutable GpuFields fields_;
+  mutable GpuFields fields_, in_front_;
   mutable AnswerBox answers_, stiffness_answers_;
   SphereState* states_;
   Plane<float>* planes_;
   std::int8_t* deciders_;
   std::uint8_t* unseen_;
+  double* unseen_volume_;  // m3, in host memory
   std::unique_ptr<DepthHullCuda> hull_;
 };
 

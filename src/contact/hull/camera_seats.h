@@ -1,6 +1,7 @@
 // The pose of a tool in a camera, for the two frames of its blend: the newer one first.
 #pragma once
 
+#include <algorithm>
 #include <span>
 
 #include "palpate/field/sensor.h"
@@ -36,6 +37,19 @@ inline bool has_fields(const SurfaceView& surface, bool is_alone) {
 inline bool are_alike(const SurfaceView& a, const SurfaceView& b) {
   return a.role == b.role && has_in_front(a) == has_in_front(b) &&
          is_remembered(a) == is_remembered(b);
+}
+
+/// True if two lists of surfaces show the same, which fields without a stamp never do.
+inline bool show_same(std::span<const SurfaceView> a, std::span<const SurfaceView> b) {
+  const auto is_field = [](const DepthFieldView& k, const DepthFieldView& l) {
+    if (k.num_levels == 0 || l.num_levels == 0) return k.num_levels == l.num_levels;
+    return k.stamp != 0 && k.stamp == l.stamp && k.thickness == l.thickness && k.gpu == l.gpu;
+  };
+  return std::ranges::equal(a, b, [&](const SurfaceView& k, const SurfaceView& l) {
+    return k.role == l.role && k.X_WC == l.X_WC && is_field(k.field, l.field) &&
+           is_field(k.seen_free, l.seen_free) && is_field(k.in_front, l.in_front) &&
+           is_field(k.remembered, l.remembered);
+  });
 }
 
 /// True for one camera that is sampled by itself, without its seen-free space.

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "src/contact/cuda/gpu_field.h"
+#include "src/contact/field/unseen_by_one.cuh"
 #include "src/contact/hull/camera_seats.h"
 #include "src/contact/hull/hull_views.cuh"
 
@@ -40,6 +41,12 @@ class HullCameras {
   }
 
   int num() const { return num_; }
+  /// A surface of a camera by itself that was taken.
+  OneCamera one_camera(const SurfaceView& surface, gpu::Stream& stream) {
+    const bool is_memory = surface.role == SurfaceRole::with_memory;
+    return {{copies_[0].on_gpu(surface.field, stream), copies_[2].on_gpu(surface.in_front, stream)},
+            is_memory ? 2 : 1};
+  }
 
   template <int kMaxViews>
   HullQuery<kMaxViews> query() const {

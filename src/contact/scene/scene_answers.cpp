@@ -5,17 +5,6 @@
 
 namespace palpate { inline namespace v0 {
 
-void put_clearance(std::size_t pose, const Clearance& at, const SceneAnswers& answers) {
-  if (answers.clearance != nullptr) answers.clearance[pose] = at.value;
-  if (answers.nearest != nullptr) answers.nearest[pose] = at.sphere;
-  if (answers.decided != nullptr) answers.decided[pose] = at.decider;
-  if (answers.clearance_gradient != nullptr) {
-    for (std::size_t k = 0; k < 6; ++k) {
-      answers.clearance_gradient[6 * pose + k] = at.gradient[k];
-    }
-  }
-}
-
 void put_spheres(std::size_t pose, const SpherePicture& picture, std::span<const Sphere> spheres,
                  const Pose& X_WT, const SceneAnswers& answers) {
   const Mat3d R_WT = rotation_matrix(normalized(X_WT.rotation));

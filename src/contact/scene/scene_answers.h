@@ -5,18 +5,16 @@
 #include <span>
 
 #include "palpate/contact/scene.h"
-#include "src/contact/clearance/clearance_rules.h"
 
 namespace palpate { inline namespace v0 {
 
-/// Writes the clearance of a pose.
-void put_clearance(std::size_t pose, const Clearance& at, const SceneAnswers& answers);
-
-/// Writes the spheres of a pose, and zeros up to max_spheres. `radii` are those of `spheres`.
+/// Writes the spheres of a pose: their depth, the volume of the cap, its direction in W and the
+/// camera that determined it. Zeros for those outside, and up to max_spheres.
 void put_spheres(std::size_t pose, const SpherePicture& picture, std::span<const Sphere> spheres,
                  const Pose& X_WT, const SceneAnswers& answers);
 
-/// Writes the results of all groups, from the clearances and volumes of their poses.
+/// Writes the results of all groups, from the clearances and volumes of their poses: of equal
+/// clearances the first pose counts.
 void put_groups(const ScenePoses& poses, const SceneAnswers& answers);
 
 }}  // namespace palpate::v0

@@ -54,6 +54,16 @@ Status check_scene(const Scene& scene, const ContactMethod& method, const Place&
   return Done{};
 }
 
+Status check_memory(int gpu, const Place& place) {
+  if (gpu == kHostMemory) return Done{};
+  const bool is_cpu = place.backend == Backend::cpu;
+  if (!is_cpu && gpu == place.gpu) return Done{};
+  return refused("poses or answers in " + place_name(gpu) + " were given to a contact on " +
+                 (is_cpu ? "the CPU" : "GPU " + std::to_string(place.gpu)) +
+                 "; create it with Place::cuda(" + std::to_string(gpu) +
+                 "), or copy them to host memory");
+}
+
 Status check_poses(const ScenePoses& poses, std::size_t num_tools) {
   const std::size_t num = poses.X_WT.size();
   const auto check_size = [&](std::span<const std::int32_t> indices, const char* name) -> Status {

@@ -35,6 +35,12 @@ Error margin_error() {
   return {Errc::invalid_argument, "the margin is not a number; give it in m"};
 }
 
+Error one_by_one_error() {
+  return {Errc::invalid_argument,
+          "standard deviations, spheres, and surfaces of a window are measured pose by pose; give "
+          "poses and answers in host memory"};
+}
+
 SurfaceView with_policy(SurfaceView surface, const Scene& scene) {
   if (!scene.unseen) return surface;
   const auto thickness = static_cast<float>(scene.thickness);
@@ -47,16 +53,19 @@ SurfaceView with_policy(SurfaceView surface, const Scene& scene) {
 }
 
 constexpr SceneMakers kCpuMakers{
-    [](SceneMakers::Index index, const ContactMethod& method, const ExecutionOptions& execution) {
-      return make_contact_query(Backend::cpu, std::move(index), method, execution);
+    [](SceneMakers::Index index, const ContactMethod& method, int) {
+      return make_contact_query(Place::cpu(), std::move(index), method);
     },
-    [](SceneMakers::Index index, const FieldMethod& method, const ExecutionOptions& execution) {
-      return make_batch_query(Backend::cpu, std::move(index), method, execution);
+    [](SceneMakers::Index index, const FieldMethod& method, ThreadPool& pool, int) {
+      return make_batch_query(Place::cpu(), std::move(index), method, {best_isa(), &pool});
     },
-    [](SceneMakers::Index a, SceneMakers::Index b, const ExecutionOptions& execution) {
-      return make_body_pair_query(Backend::cpu, std::move(a), std::move(b), {.isa = execution.isa});
+    [](SceneMakers::Index a, SceneMakers::Index b, int) {
+      return make_body_pair_query(Place::cpu(), std::move(a), std::move(b));
     },
-    make_clearance_batch, nullptr};
+    [](std::span<const SceneMakers::Index> tools, ThreadPool& pool, int) {
+      return make_clearance_batch(tools, pool);
+    },
+    nullptr};
 
 }  // namespace
 
@@ -91,8 +100,11 @@ struct SceneContact::Impl {
                         const ContactWants& wants, double* in_bodies = nullptr) const;
   void measure_pose(std::size_t thread, const Scene& scene, const ScenePoses& poses,
                     std::size_t pose, const SceneAnswers& answers) const;
-  Status measure_at_once(const Scene& scene, const ScenePoses& poses, const SceneAnswers& answers);
-  Status measure_contact(const Scene& scene, const ScenePoses& poses, const SceneAnswers& answers);
+  using Queue = std::optional<CallerStream>;
+  Status measure_at_once(const Scene& scene, const ScenePoses& poses, const SceneAnswers& answers,
+                         Queue stream);
+  Status measure_contact(const Scene& scene, const ScenePoses& poses, const SceneAnswers& answers,
+                         Queue stream);
 };
 
 /// Takes the surfaces of a scene.
@@ -120,7 +132,7 @@ Result<SceneContact::Impl::Pairs> SceneContact::Impl::pairs_of(
   Pairs made(workers.size());
   for (auto& of_worker : made) {
     for (const auto& tool : tools) {
-      auto pair = makers.pair(tool, shape, {best_isa(), nullptr, place.gpu});
+      auto pair = makers.pair(tool, shape, place.gpu);
       if (!pair) return pair.error();
       of_worker.push_back(*std::move(pair));
     }
@@ -179,47 +191,51 @@ void SceneContact::Impl::measure_pose(std::size_t thread, const Scene& scene,
 
 /// Measures all poses on a GPU in one launch, but no spheres.
 Status SceneContact::Impl::measure_at_once(const Scene& scene, const ScenePoses& poses,
-                                           const SceneAnswers& answers) {
+                                           const SceneAnswers& answers, Queue stream) {
   std::vector<PlacedBody> bodies;
   for (const Body& body : scene.bodies) bodies.push_back(body.placed());
-  const SceneBatchPoses of{.X_WT = poses.X_WT, .tool_of_pose = poses.tool_of_pose};
+  const SceneBatchPoses of{poses.X_WT, poses.gpu, poses.tool_of_pose, false, {}};
   std::vector<SurfaceView> shown = surfaces;
   const bool is_by_itself =
       shown.size() == 1 && shown[0].role == SurfaceRole::one_of_several && !is_remembered(shown[0]);
   if (is_by_itself) {
     // Its own field counts by itself; what it does not see is known by the hull.
     if (answers.unseen != nullptr) {
-      if (const Status s = scenes->take(shown, {}); !s) return s;
-      if (const Status s = scenes->measure(of, {}, answers.unseen); !s) return s;
+      const BatchAnswers none{.gpu = answers.contact.gpu};
+      if (const Status s = scenes->take(shown, bodies, stream); !s) return s;
+      if (const Status s = scenes->measure(of, none, answers.unseen, stream); !s) return s;
     }
     shown[0].role = has_in_front(shown[0]) ? SurfaceRole::with_memory : SurfaceRole::frame;
     shown[0].seen_free = {};
   }
-  if (const Status s = scenes->take(shown, bodies); !s) return s;
-  double* const unseen = is_by_itself ? nullptr : answers.unseen;
-  if (const Status s = scenes->measure(of, answers.contact, unseen); !s) return s;
-  for (std::size_t i = 0; answers.unseen != nullptr && i < poses.X_WT.size(); ++i) {
-    answers.unseen[i] = std::min(1.0, answers.unseen[i] / full_volumes[tool_of(poses, i)]);
-  }
-  return Done{};
+  if (const Status s = scenes->take(shown, bodies, stream); !s) return s;
+  return scenes->measure(of, answers.contact, is_by_itself ? nullptr : answers.unseen, stream);
 }
 
 Status SceneContact::Impl::measure_contact(const Scene& scene, const ScenePoses& poses,
-                                           const SceneAnswers& answers) {
+                                           const SceneAnswers& answers, Queue stream) {
   const BatchAnswers& contact = answers.contact;
   const bool has_spheres = answers.max_spheres > 0;
+  const bool has_unseen = answers.unseen != nullptr;
   if (batches != nullptr && surfaces.size() == 1 && surfaces[0].role == SurfaceRole::frame &&
-      scene.bodies.empty() && answers.unseen == nullptr && !has_spheres) {
-    PoseBatch batch{poses.X_WT};
+      scene.bodies.empty() && (!has_unseen || scenes != nullptr) && !has_spheres) {
+    PoseBatch batch{.X_WT = poses.X_WT, .gpu = poses.gpu};
     if (!(surfaces[0].X_WC == Pose{})) batch.X_WC = {&surfaces[0].X_WC, 1};
-    return batches->measure(surfaces[0], batch, contact);
+    const Status s = batches->measure(surfaces[0], batch, contact, stream);
+    if (!s || !has_unseen) return s;
+    SceneAnswers of_unseen;
+    of_unseen.contact.gpu = contact.gpu;
+    of_unseen.unseen = answers.unseen;
+    return measure_at_once(scene, poses, of_unseen, stream);
   }
   SceneAnswers one_by_one = answers;
   if (scenes != nullptr && !contact.want_noise() && is_for_batch(surfaces)) {
-    if (const Status s = measure_at_once(scene, poses, answers); !s || !has_spheres) return s;
+    const Status s = measure_at_once(scene, poses, answers, stream);
+    if (!s || !has_spheres) return s;
     one_by_one.contact = {};
     one_by_one.unseen = one_by_one.group_volume = nullptr;
   }
+  if (poses.gpu != kHostMemory || contact.gpu != kHostMemory) return one_by_one_error();
   if (const Status s = take_bodies(scene); !s) return s;
   for_poses(*pool, poses.X_WT.size(), [&](std::size_t thread, std::size_t i) {
     measure_pose(thread, scene, poses, i, one_by_one);
@@ -253,14 +269,13 @@ Result<SceneContact> SceneContactMaker::make(std::span<const Tool* const> tools,
   impl->workers.resize(static_cast<std::size_t>(impl->pool->num_threads()));
   for (SceneContact::Impl::Worker& worker : impl->workers) {
     for (const auto& index : impl->tools) {
-      auto made = makers.contact(index, method, {best_isa(), nullptr, place.gpu});
+      auto made = makers.contact(index, method, place.gpu);
       if (!made) return made.error();
       worker.queries.push_back(*std::move(made));
     }
   }
   if (const auto* const field = std::get_if<FieldMethod>(&method)) {
-    const ExecutionOptions execution{best_isa(), impl->pool.get(), place.gpu};
-    auto clearances = makers.clearance(impl->tools, execution);
+    auto clearances = makers.clearance(impl->tools, *impl->pool, place.gpu);
     if (!clearances) return clearances.error();
     impl->clearances = *std::move(clearances);
     if (makers.scenes != nullptr) {
@@ -269,7 +284,7 @@ Result<SceneContact> SceneContactMaker::make(std::span<const Tool* const> tools,
       impl->scenes = *std::move(scenes);
     }
     if (tools.size() == 1) {
-      auto batches = makers.batch(impl->tools[0], *field, execution);
+      auto batches = makers.batch(impl->tools[0], *field, *impl->pool, place.gpu);
       if (!batches) return batches.error();
       impl->batches = *std::move(batches);
     }
@@ -306,9 +321,13 @@ ContactResult SceneContact::measure(const Scene& scene, const Pose& X_WT, const 
 }
 
 Status SceneContact::measure(const Scene& scene, const ScenePoses& poses,
-                             const SceneAnswers& answers) const {
+                             const SceneAnswers& answers,
+                             std::optional<CallerStream> stream) const {
   Impl& impl = *impl_;
   if (const Status status = check_poses(poses, impl.tools.size()); !status) return status;
+  for (const int gpu : {poses.gpu, answers.contact.gpu}) {
+    if (const Status status = check_memory(gpu, impl.place); !status) return status;
+  }
   const bool wants_clearance = answers.clearance || answers.nearest || answers.decided ||
                                answers.clearance_gradient || answers.group_clearance ||
                                answers.group_pose;
@@ -324,11 +343,10 @@ Status SceneContact::measure(const Scene& scene, const ScenePoses& poses,
                  "results of groups were asked without group_of_pose, clearance and volume; give "
                  "these, too"};
   }
-  if (answers.unseen != nullptr && impl.place.backend != Backend::cpu &&
-      scene.surfaces.size() == 1 && scene.surfaces[0].role != SurfaceRole::one_of_several) {
-    return Error{Errc::unavailable,
-                 "space that one camera by itself does not see is known on the CPU alone; create "
-                 "the contact with Place::cpu(), or make the surface to be joined with others"};
+  if (wants_groups && answers.contact.gpu != kHostMemory) {
+    return Error{Errc::invalid_argument,
+                 "results of groups are put together in host memory; give all answers there, or "
+                 "ask for poses alone"};
   }
   const BatchAnswers& contact = answers.contact;
   const bool wants_contact = contact.volume || contact.potential || contact.force ||
@@ -336,33 +354,25 @@ Status SceneContact::measure(const Scene& scene, const ScenePoses& poses,
                              contact.want_noise() || answers.unseen || answers.max_spheres > 0;
   if (const Status status = impl.take(scene); !status) return status;
   if (wants_contact) {
-    if (const Status s = impl.measure_contact(scene, poses, answers); !s) return s;
+    if (const Status s = impl.measure_contact(scene, poses, answers, stream); !s) return s;
   }
   if (!wants_clearance) return Done{};
-  if (const Status s = impl.clearances->take(impl.surfaces, scene.bodies); !s) return s;
-  for (std::size_t i = 0; i < poses.X_WT.size(); ++i) {
-    if (is_finite(poses.X_WT[i])) continue;
-    put_clearance(i, {}, answers);
-    if (contact.status != nullptr) {
-      contact.status[i] |= static_cast<std::uint32_t>(StepStatus::non_finite_pose);
-    }
-  }
-  const Status status = impl.clearances->measure(
-      poses, {limit, answers.clearance_smoothing, answers.only_least_of_groups},
-      [&](std::size_t i, const Clearance& at) { put_clearance(i, at, answers); });
+  if (const Status s = impl.clearances->take(impl.surfaces, scene.bodies, stream); !s) return s;
+  const Status status = impl.clearances->measure(poses, answers, stream);
   if (status && wants_groups) put_groups(poses, answers);
   return status;
 }
 
 Status SceneContact::any(const Scene& scene, const ScenePoses& poses, double margin,
-                         std::uint8_t* hits) const {
+                         std::uint8_t* hits, std::optional<CallerStream> stream) const {
   Impl& impl = *impl_;
   if (const Status status = check_poses(poses, impl.tools.size()); !status) return status;
+  if (const Status status = check_memory(poses.gpu, impl.place); !status) return status;
   if (const Status s = check_clearance(impl.method, 1, 0); !s) return s;
   if (!std::isfinite(margin)) return margin_error();
   if (const Status status = impl.take(scene); !status) return status;
-  if (const Status s = impl.clearances->take(impl.surfaces, scene.bodies); !s) return s;
-  return impl.clearances->any(poses, margin, hits);
+  if (const Status s = impl.clearances->take(impl.surfaces, scene.bodies, stream); !s) return s;
+  return impl.clearances->any(poses, margin, hits, stream);
 }
 
 Result<std::optional<RefusedPosition>> SceneContactMaker::measure_tree(const SceneContact& contact,
@@ -374,7 +384,7 @@ Result<std::optional<RefusedPosition>> SceneContactMaker::measure_tree(const Sce
   if (const Status s = check_clearance(impl.method, limit, 0); !s) return s.error();
   if (!std::isfinite(answers.limit)) return margin_error();
   if (const Status s = impl.take(scene); !s) return s.error();
-  if (const Status s = impl.clearances->take(impl.surfaces, scene.bodies); !s) return s.error();
+  if (const Status s = impl.clearances->take(impl.surfaces, scene.bodies, {}); !s) return s.error();
   return impl.clearances->measure_tree(poses, answers);
 }
 

@@ -2,6 +2,7 @@
 // by the emulator.
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <optional>
 #include <span>
@@ -18,27 +19,30 @@ namespace palpate { inline namespace v0 {
 struct SceneMakers {
   using Index = std::shared_ptr<const ToolIndex>;
 
-  Result<std::unique_ptr<ContactQuery>> (*contact)(Index, const ContactMethod&,
-                                                   const ExecutionOptions&);
-  Result<std::unique_ptr<BatchQuery>> (*batch)(Index, const FieldMethod&, const ExecutionOptions&);
-  Result<std::unique_ptr<BodyPairQuery>> (*pair)(Index, Index, const ExecutionOptions&);
-  Result<std::unique_ptr<ClearanceBatch>> (*clearance)(std::span<const Index>,
-                                                       const ExecutionOptions&);
+  Result<std::unique_ptr<ContactQuery>> (*contact)(Index, const ContactMethod&, int gpu);
+  /// The pool is that of a CPU.
+  Result<std::unique_ptr<BatchQuery>> (*batch)(Index, const FieldMethod&, ThreadPool&, int gpu);
+  Result<std::unique_ptr<BodyPairQuery>> (*pair)(Index, Index, int gpu);
+  Result<std::unique_ptr<ClearanceBatch>> (*clearance)(std::span<const Index>, ThreadPool&,
+                                                       int gpu);
   /// Null: poses are measured one by one.
   Result<std::unique_ptr<SceneBatch>> (*scenes)(std::span<const Index>, SphereVolumes, int gpu);
 };
 
-/// Returns the makers of a GPU.
-inline SceneMakers cuda_makers() {
-  return {
-      make_contact_query_cuda,
-      [](SceneMakers::Index index, const FieldMethod& method, const ExecutionOptions& execution) {
-        return make_batch_query_cuda(std::move(index), method, execution.gpu);
-      },
-      [](SceneMakers::Index a, SceneMakers::Index b, const ExecutionOptions& execution) {
-        return make_solid_contact_cuda(std::move(a), std::move(b), execution.gpu);
-      },
-      make_clearance_batch_cuda, make_scene_batch_cuda};
+/// Returns the makers of a GPU. `kAtOnce`: poses in a launch.
+template <std::size_t kAtOnce = std::size_t{1} << 15>
+SceneMakers cuda_makers() {
+  return {make_contact_query_cuda,
+          [](SceneMakers::Index index, const FieldMethod& method, ThreadPool&, int gpu) {
+            return make_batch_query_cuda(std::move(index), method, gpu);
+          },
+          make_solid_contact_cuda,
+          [](std::span<const SceneMakers::Index> tools, ThreadPool&, int gpu) {
+            return make_clearance_batch_cuda(tools, gpu, kAtOnce);
+          },
+          [](std::span<const SceneMakers::Index> tools, SphereVolumes volumes, int gpu) {
+            return make_scene_batch_cuda(tools, volumes, gpu, kAtOnce);
+          }};
 }
 
 struct SceneContactMaker {

@@ -96,6 +96,9 @@ __device__ void fill_quad(const FieldJob& job, const FieldArrays& arrays, const 
       quad[k] = by_row->is_surface() ? *by_row
                                      : filling_at(by_row, v, job.layout.levels[0].height,
                                                   job.layout.stride, job.width_v);
+      if (job.filled != nullptr && quad[k].is_surface()) {
+        atomicOr(job.filled + v * job.squares_wide + place.square_u, 1u << u % kSquare);
+      }
     }
     if (!quad[k].is_surface()) quad[k] = look_up(1, u, v);
     *pixel(job, arrays.planes, 0, u, v) = quad[k];

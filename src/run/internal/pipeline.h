@@ -39,7 +39,7 @@ class ContactPart {
               const std::vector<SceneObject>& objects = {}, BodyMethod bodies = BodyMethod::field,
               std::unique_ptr<MovingBodies> moving = nullptr);
   /// Sets the backend that measures pairs of tool and objects. Error: too little memory there.
-  Status measure_pairs_at(Backend backend, int gpu);
+  Status measure_pairs_at(const Place& place);
 
   /// Uses `scale` from the next measurement on. It has the friction of as many objects as there
   /// are. No allocation.

@@ -34,7 +34,7 @@ class DepthProbe {
     auto field = DepthField::create(info.width, info.height);
     if (!field) return field.error();
     DepthProbe probe(tool, *std::move(coarse), *std::move(surface), *std::move(field));
-    auto query = make_contact_query(Backend::cpu, *probe.coarse_);
+    auto query = make_contact_query(Place::cpu(), *probe.coarse_);
     if (!query) return query.error();
     probe.query_ = *std::move(query);
     return probe;

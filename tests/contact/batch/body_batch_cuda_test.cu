@@ -37,7 +37,7 @@ TEST(BodyBatchCuda, IsThatOfTheCpu) {
   }
   X_WT[3].translation.y = NAN;
   body_of_pose[4] = 2;
-  const auto cpu = make_body_batch_query(Backend::cpu, index, bodies).value();
+  const auto cpu = make_body_batch_query(Place::cpu(), index, bodies).value();
   const auto gpu = make_body_batch_query_cuda(index, bodies, 0).value();
   Answers want(20), got(20);
   ASSERT_TRUE(cpu->measure(X_WT, body_of_pose, want.all()));

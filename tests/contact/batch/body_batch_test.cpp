@@ -59,7 +59,7 @@ TEST(BodyBatch, IsManyMeasurementsToTheBit) {
   for (const BodyMethod method : {BodyMethod::field, BodyMethod::spheres}) {
     for (ThreadPool* const pool : {static_cast<ThreadPool*>(nullptr), &two}) {
       const auto batch =
-          make_body_batch_query(Backend::cpu, bodies.index, bodies.placed, {.method = method}, pool)
+          make_body_batch_query(Place::cpu(), bodies.index, bodies.placed, {.method = method}, pool)
               .value();
       Answers got(200);
       BatchAnswers answers = got.all();
@@ -69,7 +69,7 @@ TEST(BodyBatch, IsManyMeasurementsToTheBit) {
       for (std::size_t i = 0; i < 200; ++i) {
         const PlacedBody& body = bodies.placed[i % 3];
         const BodyPenetration want =
-            make_body_pair_query(Backend::cpu, bodies.index, body.shape, {.method = method})
+            make_body_pair_query(Place::cpu(), bodies.index, body.shape, {.method = method})
                 .value()
                 ->measure(bodies.X_WT[i], body.X_WB, answers.stiffness != nullptr);
         EXPECT_EQ(got.volume[i], want.on_a.volume);
@@ -95,7 +95,7 @@ TEST(BodyBatch, IsManyMeasurementsToTheBit) {
 TEST(BodyBatch, FindsTheSharedVolumeOfTwoBoxes) {
   const Tool tool = packed(make_box({0.02, 0.02, 0.02}), 1000);
   const Tool block = packed(make_box({0.1, 0.1, 0.1}), 50);
-  const auto batch = make_body_batch_query(Backend::cpu, ToolIndex::create(tool),
+  const auto batch = make_body_batch_query(Place::cpu(), ToolIndex::create(tool),
                                            {{ToolIndex::create(block), {{1, 0, 0}, {}}}})
                          .value();
   const std::vector<Pose> X_WT{{{1, 0, 0.055}, {}}, {{1, 0, 0.1}, {}}};
@@ -109,7 +109,7 @@ TEST(BodyBatch, FindsTheSharedVolumeOfTwoBoxes) {
 
 TEST(BodyBatch, WhatCannotBeMeasuredIsZeroAndSaysWhy) {
   const Bodies bodies(3);
-  const auto batch = make_body_batch_query(Backend::cpu, bodies.index, bodies.placed).value();
+  const auto batch = make_body_batch_query(Place::cpu(), bodies.index, bodies.placed).value();
   std::vector<Pose> X_WT = bodies.X_WT;
   X_WT[1].translation.x = std::numeric_limits<double>::quiet_NaN();
   Answers got(3);
@@ -129,12 +129,12 @@ TEST(BodyBatch, WhatDoesNotFitIsRefusedInOneSentence) {
     ASSERT_FALSE(result);
     EXPECT_NE(result.error().message.find(why), std::string::npos) << result.error().message;
   };
-  refuses(make_body_batch_query(Backend::cuda, bodies.index, bodies.placed,
+  refuses(make_body_batch_query(Place::cuda(), bodies.index, bodies.placed,
                                 {.method = BodyMethod::spheres}),
           "on the CPU alone");
-  refuses(make_body_batch_query(Backend::cpu, bodies.index, {}), "no body");
-  refuses(make_body_batch_query(Backend::cpu, bodies.index, {{nullptr, {}}}), "has no shape");
-  const auto batch = make_body_batch_query(Backend::cpu, bodies.index, bodies.placed).value();
+  refuses(make_body_batch_query(Place::cpu(), bodies.index, {}), "no body");
+  refuses(make_body_batch_query(Place::cpu(), bodies.index, {{nullptr, {}}}), "has no shape");
+  const auto batch = make_body_batch_query(Place::cpu(), bodies.index, bodies.placed).value();
   Answers got(4);
   refuses(batch->measure(bodies.X_WT, {}, got.all()), "4 poses was given 3 bodies");
   refuses(batch->measure(bodies.X_WT, std::vector<std::int32_t>{0}, got.all()),

@@ -22,7 +22,7 @@ using test::Random;
 
 std::unique_ptr<BatchQuery> batches_of(const Tool& tool, SphereVolumes volumes = {},
                                        ThreadPool* pool = nullptr, Isa isa = best_isa()) {
-  return make_batch_query(Backend::cpu, ToolIndex::create(tool), FieldMethod{volumes}, {isa, pool})
+  return make_batch_query(Place::cpu(), ToolIndex::create(tool), FieldMethod{volumes}, {isa, pool})
       .value();
 }
 
@@ -48,7 +48,7 @@ TEST(ContactBatch, IsManyMeasurementsToTheBit) {
         Answers got(150);
         ASSERT_TRUE(
             batches_of(tool, volumes, nullptr, isa)->measure(surfaces, poses.batch(), got.all()));
-        const auto query = make_contact_query(Backend::cpu, tool, FieldMethod{volumes}).value();
+        const auto query = make_contact_query(Place::cpu(), tool, FieldMethod{volumes}).value();
         int num_touching = 0;
         for (std::size_t i = 0; i < 150; ++i) {
           const auto surface = static_cast<std::size_t>(poses.surface[i]);
@@ -75,7 +75,7 @@ TEST(ContactBatch, AToolMayLieFarFromItsOrigin) {
   for (int i = 0; i < 64; ++i) X_WT.push_back({{0, 0, 0.2 + 0.002 * i}, {}});
   Answers got(64);
   ASSERT_TRUE(batches_of(tool, SphereVolumes::represented)->measure(surface, {X_WT}, got.all()));
-  const auto query = make_contact_query(Backend::cpu, tool).value();
+  const auto query = make_contact_query(Place::cpu(), tool).value();
   int num_touching = 0;
   for (std::size_t i = 0; i < 64; ++i) {
     const ContactResult want = query->measure(surface, X_WT[i], {.stiffness = true});

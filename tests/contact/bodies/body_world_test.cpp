@@ -10,12 +10,12 @@ namespace palpate {
 namespace {
 
 std::unique_ptr<ContactQuery> make_query(const Tool& tool) {
-  return make_contact_query(Backend::cpu, tool, SimplifiedMethod{}).value();
+  return make_contact_query(Place::cpu(), tool, SimplifiedMethod{}).value();
 }
 
 std::unique_ptr<BodyPairQuery> pair_query(const Tool& a, const Tool& b,
                                           BodyMethod method = BodyMethod::field) {
-  return make_body_pair_query(Backend::cpu, a, b, {.method = method}).value();
+  return make_body_pair_query(Place::cpu(), a, b, {.method = method}).value();
 }
 
 void expect_same(const Penetration& got, const Penetration& want) {
@@ -88,7 +88,7 @@ TEST_F(SeveralBodies, PairsAreMeasuredByWhatIsAskedFor) {
   const auto make = [&](const auto& a, const auto& b) -> Result<std::unique_ptr<BodyPairQuery>> {
     ++num_made;
     if (num_made == 2) return Error{Errc::unavailable, "only one"};
-    return make_body_pair_query(Backend::cpu, a, b);
+    return make_body_pair_query(Place::cpu(), a, b);
   };
   for (const bool works : {false, true}) {
     EXPECT_EQ(world.measure_pairs_by(make).has_value(), works);
@@ -97,7 +97,7 @@ TEST_F(SeveralBodies, PairsAreMeasuredByWhatIsAskedFor) {
   }
   EXPECT_EQ(num_made, 2 + 3);
 #if !defined(PALPATE_CUDA)
-  EXPECT_EQ(make_body_pair_query(Backend::cuda, first_, second_).error().code, Errc::unavailable);
+  EXPECT_EQ(make_body_pair_query(Place::cuda(), first_, second_).error().code, Errc::unavailable);
 #endif
 }
 

@@ -98,7 +98,7 @@ TEST(FieldBound, LeavesOutNothingInAndBeyondAnyImage) {
             width, height, fx, fy, is_endless ? UnknownSpace::solid : UnknownSpace::free, random);
         const double scale = tool.sphere_mass().volume;
         const auto query =
-            make_contact_query(Backend::cpu, tool, FieldMethod{SphereVolumes::own}).value();
+            make_contact_query(Place::cpu(), tool, FieldMethod{SphereVolumes::own}).value();
         int num_inside = 0, num_beyond = 0;
         for (int i = 0; i < 400; ++i) {
           const double z = random.uniform(0.5, 0.75);

@@ -67,7 +67,7 @@ FrozenField plane(const Plane<double>& plane) {
 
 std::unique_ptr<ContactQuery> make_query(const Tool& tool, SphereVolumes volumes,
                                          Isa isa = best_isa(), ThreadPool* pool = nullptr) {
-  return make_contact_query(Backend::cpu, tool, FieldMethod{volumes}, {isa, pool}).value();
+  return make_contact_query(Place::cpu(), tool, FieldMethod{volumes}, {isa, pool}).value();
 }
 
 Pose random_pose(Random& random) {
@@ -375,7 +375,7 @@ TEST(FieldContact, OnePassBetweenTwoFramesGivesTheBitsOfTwo) {
   Random random(45);
   int num_of_both = 0, num_of_one = 0;
   for (const Isa isa : isas()) {
-    const auto query = make_contact_query(Backend::cpu, index, FieldMethod{}, {isa}).value();
+    const auto query = make_contact_query(Place::cpu(), index, FieldMethod{}, {isa}).value();
     for (const TwoFrames& pair : pairs) {
       const SurfaceView from{{}, pair.from.field.view()}, to{{}, pair.to.field.view()};
       for (int i = 0; i < 20; ++i) {
@@ -414,7 +414,7 @@ TEST(FieldContact, OnePassBetweenTwoFramesGivesTheBitsOfTwo) {
 TEST(FieldContact, StiffnessChangesNoBitOfTheMeasure) {
   const Tool tool = test::random_tool(900, 0.06, 13);
   const FrozenField scene = block_before_wall(46);
-  const auto query = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
+  const auto query = make_contact_query(Place::cpu(), tool, FieldMethod{}).value();
   Random random(47);
   for (int i = 0; i < 40; ++i) {
     const Pose X_WT = random_pose(random);
@@ -430,7 +430,7 @@ TEST(FieldContact, StiffnessChangesNoBitOfTheMeasure) {
 TEST(FieldContact, OneFrameWithoutSurfaceSaysSo) {
   const Tool tool = test::random_tool(100, 0.06, 13);
   const FrozenField scene = rough_wall(48);
-  const auto query = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
+  const auto query = make_contact_query(Place::cpu(), tool, FieldMethod{}).value();
   const SurfaceView none, wall{{}, scene.field.view()};
   const Pose X_WT{{0, 0, 0.6}, {}};
   const double whole = query->measure(wall, X_WT).penetration.volume;
@@ -493,7 +493,7 @@ TEST(FieldContact, WhatTouchesInOnePointIsOutside) {
   SphereState state;
   for (const Isa isa : isas()) {
     const auto query =
-        make_contact_query(Backend::cpu, tool, FieldMethod{SphereVolumes::own}, {isa}).value();
+        make_contact_query(Place::cpu(), tool, FieldMethod{SphereVolumes::own}, {isa}).value();
     for (const double deeper : {0.0, 0.0009765625}) {
       const Pose X_WT{{0, 0, 0.5 - 0.015625 + deeper}, {}};
       const Penetration got =

@@ -170,7 +170,7 @@ TEST_P(FieldOnRealFrames, ClosedLoopsAcrossSilhouettesCostLittleWork) {
   const Vec3d C_T = tool.sphere_mass().center_of_mass;
   const double whole = full_volume(tool, SphereVolumes::represented);
   const FieldElements elements(tool, SphereVolumes::represented);
-  const auto contact = make_contact_query(Backend::cpu, tool).value();
+  const auto contact = make_contact_query(Place::cpu(), tool).value();
   constexpr int kLoops = 4, kSteps = 4000;
   double worst = 0, worst_unbounded = 0;
   Work all;

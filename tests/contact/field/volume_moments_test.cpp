@@ -60,7 +60,7 @@ TEST(VolumeMoments, EqualBruteForce) {
       for (const Isa isa : {Isa::baseline, Isa::avx2, Isa::avx512}) {
         if (isa > best_isa()) continue;
         const auto query =
-            make_contact_query(Backend::cpu, index, FieldMethod{volumes}, {.isa = isa}).value();
+            make_contact_query(Place::cpu(), index, FieldMethod{volumes}, {.isa = isa}).value();
         test::Random poses(7);
         for (std::size_t i = 0; i < 40; ++i) {
           const double x = poses.uniform(-0.1, 0.1), y = poses.uniform(-0.1, 0.1);
@@ -85,7 +85,7 @@ TEST(VolumeMoments, BetweenTwoSurfacesAreMixedAsTheMeasureIs) {
       b(test::noisy_wall(160, 120, 140, 0.58, 0.002, 5));
   const SurfaceView from{{}, a.field.view()}, to{{}, b.field.view()};
   const Tool tool = test::random_tool(300, 0.06, 3);
-  const auto query = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
+  const auto query = make_contact_query(Place::cpu(), tool, FieldMethod{}).value();
   const Pose X_WT{{0.01, 0, 0.57}, {}};
   const ContactWants wants{.stiffness = true};
   const VolumeMoments m = query->measure(from, X_WT, wants).moments,

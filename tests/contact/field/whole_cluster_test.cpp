@@ -107,7 +107,7 @@ TEST(WholeCluster, EqualsItsDefinitionAndIsCloseToItsElements) {
   Random random(2);
   int num_wholes = 0, num_between = 0;
   for (const FrozenField& scene : {wall(), wall(UnseenSpace::fade), block()}) {
-    const auto query = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
+    const auto query = make_contact_query(Place::cpu(), tool, FieldMethod{}).value();
     std::vector<double> off;
     for (int i = 0; i < 30; ++i) {
       const Pose X_WT = random_pose(random);
@@ -136,7 +136,7 @@ TEST(WholeCluster, OfSeveralCamerasEqualsItsDefinition) {
   const Tool tool = grid_tool();
   const double full = full_volume(tool, SphereVolumes::represented);
   const test::HullScene scene = test::smooth_scene(2);
-  const auto query = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
+  const auto query = make_contact_query(Place::cpu(), tool, FieldMethod{}).value();
   Random random(7);
   int num_deep = 0;
   for (int i = 0; i < 12; ++i) {
@@ -186,7 +186,7 @@ TEST(WholeCluster, StiffnessIsMinusTheDerivativeOfTheWrench) {
   const Tool tool = grid_tool();
   const FieldElements elements(tool, SphereVolumes::represented);
   const FrozenField scene = wall();
-  const auto query = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
+  const auto query = make_contact_query(Place::cpu(), tool, FieldMethod{}).value();
   Random random(5);
   int num_between = 0;
   std::vector<double> errors;

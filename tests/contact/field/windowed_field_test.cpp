@@ -105,8 +105,8 @@ struct Probe {
       : tool(&of),
         reach(FieldElements(of, SphereVolumes::represented).reach),
         query(backend == Backend::cpu
-                  ? make_contact_query(backend, of, FieldMethod{}, {isa, nullptr, 0}).value()
-                  : make_contact_query_cuda(ToolIndex::create(of), FieldMethod{}, {}).value()) {}
+                  ? make_contact_query(Place::cpu(), of, FieldMethod{}, {isa}).value()
+                  : make_contact_query_cuda(ToolIndex::create(of), FieldMethod{}, 0).value()) {}
 };
 
 /// Windows at random places, tools of random poses in and out of them.

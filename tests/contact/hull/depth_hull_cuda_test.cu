@@ -47,8 +47,8 @@ TEST_F(DepthHullCuda, EqualsTheOneOfTheCpu) {
     const HullScene later = test::rough_scene(num_cameras, {}, random);
     const Tool tool = test::random_tool(300, 0.06, 3);
     const auto index = ToolIndex::create(tool);
-    const auto cpu = make_contact_query(Backend::cpu, index, FieldMethod{}).value();
-    const auto gpu = make_contact_query_cuda(index, FieldMethod{}, {}).value();
+    const auto cpu = make_contact_query(Place::cpu(), index, FieldMethod{}).value();
+    const auto gpu = make_contact_query_cuda(index, FieldMethod{}, 0).value();
     std::vector<SphereState> cpu_states(300), gpu_states(300);
     std::vector<Plane<float>> cpu_planes(300), gpu_planes(300);
     int num_with_force = 0;
@@ -99,8 +99,8 @@ TEST_F(DepthHullCuda, EqualsTheOneOfTheCpu) {
 TEST_F(DepthHullCuda, ClustersThatLieDeepCountAsOnTheCpu) {
   const Tool tool = test::grid_tool();
   const auto index = ToolIndex::create(tool);
-  const auto cpu = make_contact_query(Backend::cpu, index, FieldMethod{}).value();
-  const auto gpu = make_contact_query_cuda(index, FieldMethod{}, {}).value();
+  const auto cpu = make_contact_query(Place::cpu(), index, FieldMethod{}).value();
+  const auto gpu = make_contact_query_cuda(index, FieldMethod{}, 0).value();
   const HullScene scene = test::smooth_scene(2);
   const double scale = tool.mesh_mass().volume;
   Random random(7);
@@ -121,8 +121,8 @@ TEST_F(DepthHullCuda, RemembersAsTheCpu) {
     const HullScene scene = test::rough_memories(num_cameras, random);
     const Tool tool = test::random_tool(300, 0.06, 3);
     const auto index = ToolIndex::create(tool);
-    const auto cpu = make_contact_query(Backend::cpu, index, FieldMethod{}).value();
-    const auto gpu = make_contact_query_cuda(index, FieldMethod{}, {}).value();
+    const auto cpu = make_contact_query(Place::cpu(), index, FieldMethod{}).value();
+    const auto gpu = make_contact_query_cuda(index, FieldMethod{}, 0).value();
     std::vector<SphereState> cpu_states(300), gpu_states(300);
     int num_with_force = 0;
     for (int i = 0; i < 20; ++i) {
@@ -202,8 +202,8 @@ TEST_F(DepthHullCuda, KeyFramesAreThoseOfTheCpu) {
   Passing on_gpu([](const SlotSettings& settings) { return make_frame_slots_cuda(settings, 0); });
   const Tool tool = test::ball_tool(0.03, 300);
   const auto index = ToolIndex::create(tool);
-  const auto cpu = make_contact_query(Backend::cpu, index, FieldMethod{}).value();
-  const auto gpu = make_contact_query_cuda(index, FieldMethod{}, {}).value();
+  const auto cpu = make_contact_query(Place::cpu(), index, FieldMethod{}).value();
+  const auto gpu = make_contact_query_cuda(index, FieldMethod{}, 0).value();
   const double whole = tool.mesh_mass().volume;
   const Vec3d behind_ball{0, 0, 0.89};
   std::vector<std::int8_t> want_deciders(300), got_deciders(300);
@@ -247,7 +247,7 @@ TEST_F(DepthHullCuda, RefusesWhatTheCpuRefuses) {
   Random random(32);
   const HullScene scene = test::rough_scene(2, {}, random);
   const Tool tool = test::random_tool(50, 0.03, 5);
-  const auto gpu = make_contact_query_cuda(ToolIndex::create(tool), FieldMethod{}, {}).value();
+  const auto gpu = make_contact_query_cuda(ToolIndex::create(tool), FieldMethod{}, 0).value();
   const Pose X_WT{{0, 0, 0.9}, {}};
   const auto status = [&](const std::vector<SurfaceBlend>& views) {
     return gpu->measure(views, X_WT).penetration.status;

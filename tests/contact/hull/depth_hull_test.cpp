@@ -33,7 +33,7 @@ std::vector<Isa> isas() {
 
 std::unique_ptr<ContactQuery> make_query(const Tool& tool, SphereVolumes volumes,
                                          Isa isa = best_isa(), ThreadPool* pool = nullptr) {
-  return make_contact_query(Backend::cpu, tool, FieldMethod{volumes}, {isa, pool}).value();
+  return make_contact_query(Place::cpu(), tool, FieldMethod{volumes}, {isa, pool}).value();
 }
 
 Pose random_pose(Random& random) {

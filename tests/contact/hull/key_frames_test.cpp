@@ -105,7 +105,7 @@ class MovingCamera {
   SurfaceTimeline remembers_, forgets_;
   Tool tool_ = test::ball_tool(kToolRadius, 1500);
   std::unique_ptr<ContactQuery> query_ =
-      make_contact_query(Backend::cpu, tool_, FieldMethod{SphereVolumes::represented}).value();
+      make_contact_query(Place::cpu(), tool_, FieldMethod{SphereVolumes::represented}).value();
   std::size_t num_allocations_ = 0;
 };
 
@@ -206,7 +206,7 @@ TEST(KeyFrames, QueriesEqualTheirDefinition) {
   const Tool tool = test::random_tool(33, 0.06, 3);
   const double scale = tool.sphere_mass().volume;
   const auto query =
-      make_contact_query(Backend::cpu, tool, FieldMethod{SphereVolumes::own}).value();
+      make_contact_query(Place::cpu(), tool, FieldMethod{SphereVolumes::own}).value();
   int num_with_force = 0;
   for (const double progress : {1.0, 0.3}) {
     const std::vector<SurfaceBlend> views = camera.views(progress);

@@ -26,7 +26,7 @@ std::unique_ptr<ContactQuery> make_query(const Tool& tool, SphereVolumes volumes
   ExecutionOptions execution;
   execution.isa = isa;
   execution.pool = pool;
-  return make_contact_query(Backend::cpu, tool, FieldMethod{volumes}, execution).value();
+  return make_contact_query(Place::cpu(), tool, FieldMethod{volumes}, execution).value();
 }
 
 Pose random_pose(Random& random) {

@@ -37,7 +37,7 @@ class Unseen : public testing::Test {
  protected:
   Unseen()
       : tool_(test::random_tool(300, 0.008, 5)),
-        query_(make_contact_query(Backend::cpu, tool_, FieldMethod{SphereVolumes::own}).value()),
+        query_(make_contact_query(Place::cpu(), tool_, FieldMethod{SphereVolumes::own}).value()),
         whole_(tool_.sphere_mass().volume) {}
 
   /// Shares of the tool that are felt and unseen, `depth` behind the block's front, so far left of

@@ -15,7 +15,7 @@ namespace {
 
 std::unique_ptr<ContactQuery> query_of(const std::shared_ptr<const ToolIndex>& index,
                                        const ContactMethod& method) {
-  return make_contact_query(Backend::cpu, index, method).value();
+  return make_contact_query(Place::cpu(), index, method).value();
 }
 
 TEST(ToolIndex, HasThePartsThatQueriesNeed) {
@@ -68,7 +68,7 @@ TEST(ToolIndex, QueriesThatShareItHaveTheBitsOfThoseThatDoNot) {
   }
   for (std::thread& thread : threads) thread.join();
   for (std::size_t m = 0; m < std::size(methods); ++m) {
-    const auto alone = make_contact_query(Backend::cpu, tool, methods[m]).value();
+    const auto alone = make_contact_query(Place::cpu(), tool, methods[m]).value();
     const Penetration want = alone->measure(surface, X_WT).penetration;
     EXPECT_GT(want.volume, 0);
     EXPECT_EQ(shared[m].volume, want.volume);
@@ -96,7 +96,7 @@ TEST(ContactWants, LeaveTheMeasureAlone) {
   for (const ContactMethod& method :
        {ContactMethod(FieldMethod{}), ContactMethod(WeightedMethod{}),
         ContactMethod(SimplifiedMethod{}), ContactMethod(GraphMethod{})}) {
-    const auto query = make_contact_query(Backend::cpu, tool, method).value();
+    const auto query = make_contact_query(Place::cpu(), tool, method).value();
     const bool is_field = std::holds_alternative<FieldMethod>(method);
     test::Random random(8);
     for (int i = 0; i < 50; ++i) {

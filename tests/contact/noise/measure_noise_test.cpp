@@ -207,7 +207,7 @@ TEST(MeasureNoise, IsTheSameForAllThreadsAndInstructions) {
     if (isa > best_isa()) continue;
     for (ThreadPool* const threads : {static_cast<ThreadPool*>(nullptr), &pool}) {
       const auto query =
-          make_contact_query(Backend::cpu, tool, FieldMethod{}, {isa, threads}).value();
+          make_contact_query(Place::cpu(), tool, FieldMethod{}, {isa, threads}).value();
       const auto said = deviations_of(*query->measure(surface, box_pose(), {.noise = true}).noise);
       EXPECT_GT(said[0], 0);
       if (!first) first = said;
@@ -222,7 +222,7 @@ TEST(MeasureNoise, ChangesNothingElseAndAllocatesNothing) {
   const std::vector<float> image = noisy(depth_of(slant), random, 1, 0.001);
   const SurfaceView surface = surface_of(sensor, image);
   const Tool tool = box();
-  const auto query = make_contact_query(Backend::cpu, tool).value();
+  const auto query = make_contact_query(Place::cpu(), tool).value();
   const ContactResult plain = query->measure(surface, box_pose(), {.stiffness = true});
   query->measure(surface, box_pose(), {.noise = true});  // the first one takes its memory
   const AllocationCounter counter;
@@ -280,7 +280,7 @@ TEST(MeasureNoise, OfABlendIsThatOfIndependentFrames) {
   const std::vector<float> image = noisy(depth_of(slant), random, 1, 0.001);
   const SurfaceView from = surface_of(sensor, image), to = surface_of(sensor, image);
   const Tool tool = box();
-  const auto query = make_contact_query(Backend::cpu, tool).value();
+  const auto query = make_contact_query(Place::cpu(), tool).value();
   const auto one = deviations_of(*query->measure(to, box_pose(), {.noise = true}).noise);
   const auto both =
       deviations_of(*query->measure(from, to, 0.25, box_pose(), {.noise = true}).noise);
@@ -297,7 +297,7 @@ TEST(MeasureNoise, OfSeveralCamerasIsThatOfThoseThatDecide) {
   std::vector<Sensor> sensors;
   for (int k = 0; k < 3; ++k) sensors.push_back(make_sensor(without_filter({sd, 0, 0}), true));
   const Tool tool = ball(0.05, 1500);
-  const auto query = make_contact_query(Backend::cpu, tool).value();
+  const auto query = make_contact_query(Place::cpu(), tool).value();
   const Pose X_WT{{0.02, 0.01, 0.565}, {}};
   Random random(17);
   NoiseStudy of_one, of_two;
@@ -326,7 +326,7 @@ TEST(MeasureNoise, OfSeveralCamerasIsThatOfThoseThatDecide) {
 TEST(MeasureNoise, OfBodiesIsZero) {
   const Tool tool = box();
   const auto index = ToolIndex::create(tool);
-  const auto query = make_body_batch_query(Backend::cpu, index, {{index, Pose{}}}).value();
+  const auto query = make_body_batch_query(Place::cpu(), index, {{index, Pose{}}}).value();
   const Pose X_WT{{0.01, 0, 0}, {}};
   double volume = 0, volume_std = 1, force_std[3] = {1, 1, 1};
   BatchAnswers answers;
@@ -343,7 +343,7 @@ TEST(MeasureNoise, IsOfTheFieldAlone) {
   Sensor sensor = make_sensor({});
   const SurfaceView surface = surface_of(sensor, depth_of(wall));
   const Tool tool = box();
-  const auto query = make_contact_query(Backend::cpu, tool, GraphMethod{}).value();
+  const auto query = make_contact_query(Place::cpu(), tool, GraphMethod{}).value();
   EXPECT_FALSE(query->measure(surface, box_pose(), {.noise = true}).noise);
 }
 

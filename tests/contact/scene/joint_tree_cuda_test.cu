@@ -178,33 +178,56 @@ TEST(JointTreeCuda, ThreeCamerasAndABodyAsOnTheCpu) {
   EXPECT_GT(compare(rig, {.bodies = scene.bodies}, positions)[1], 3);
 }
 
-// More than are on the GPU at a time is tested by what is left of a batch: rows by themselves.
-TEST(JointTreeCuda, AnswersInItsMemoryAreTheSameBitsInAnyBatch) {
+// Four are on the GPU at a time here.
+TEST(JointTreeCuda, AnswersAreTheSameBitsInAnyMemoryAndBatch) {
   PALPATE_GPU_OR_SKIP();
   Random random(63);
   const ArmRig rig;
+  const SceneContact few = test::scenes_on_gpu<2>(rig.tools);
   const test::HullScene seen = test::rough_scene(1, {}, random);
   const Scene scene{.surfaces = surfaces_of(seen)};
   const std::size_t n = rig.arm.num_positions(), num = 9;
-  const std::vector<double> positions = inner_positions(rig.arm, num, random);
-  std::vector<double> clearance(num), alone(num);
-  ASSERT_TRUE(measure_tree(rig.gpu, scene, {rig.arm.tree, kBase, positions},
-                           {.clearance = clearance.data()}));
-  for (std::size_t i = 0; i < num; ++i) {
-    ASSERT_TRUE(measure_tree(rig.gpu, scene,
-                             {rig.arm.tree, kBase, std::span(positions).subspan(i * n, n)},
-                             {.clearance = &alone[i]}));
-  }
-  EXPECT_EQ(clearance, alone);
+  std::vector<double> positions = inner_positions(rig.arm, num, random);
+  struct Answers {
+    std::vector<double> clearance = std::vector<double>(num), by_joint;
+    std::vector<std::int32_t> link = std::vector<std::int32_t>(num);
+    std::vector<std::uint8_t> held = std::vector<std::uint8_t>(num), hits = held;
+    bool operator==(const Answers&) const = default;
+  };
+  const auto measured = [&](const SceneContact& contact) {
+    Answers a;
+    a.by_joint.resize(num * n);
+    const JointPoses poses{rig.arm.tree, kBase, positions};
+    EXPECT_TRUE(measure_tree(
+        contact, scene, poses,
+        {a.clearance.data(), a.link.data(), a.by_joint.data(), a.held.data(), nullptr, kLimit}));
+    EXPECT_TRUE(measure_tree(contact, scene, poses, {.hits = a.hits.data(), .limit = 0.02}));
+    return a;
+  };
+  const Answers all = measured(rig.gpu);
+  EXPECT_TRUE(all == measured(few));
+  EXPECT_GT(std::ranges::count(all.hits, 1), 1);
   gpu::Memory memory(0);
-  const JointPoses there{rig.arm.tree, kBase, {memory.copy_of(positions), num * n}, false, 0};
-  TreeAnswers answers{.clearance = memory.take<double>(num)};
-  ASSERT_TRUE(measure_tree(rig.gpu, scene, there, answers));
-  std::vector<double> copied(num);
   gpu::Stream stream(0, gpu::Priority::low);
-  stream.copy(copied.data(), answers.clearance, num * sizeof(double));
-  ASSERT_TRUE(stream.wait());
-  EXPECT_EQ(copied, clearance);
+  const JointPoses there{rig.arm.tree, kBase, {memory.copy_of(positions), num * n}, false, 0};
+  TreeAnswers answers{.clearance = memory.take<double>(num),
+                      .clearance_by_joint = memory.take<double>(num * n)};
+  for (const SceneContact* const contact : {&rig.gpu, &few}) {
+    ASSERT_TRUE(measure_tree(*contact, scene, there, answers));
+    std::vector<double> clearance(num), by_joint(num * n);
+    stream.copy(clearance.data(), answers.clearance, num * sizeof(double));
+    stream.copy(by_joint.data(), answers.clearance_by_joint, num * n * sizeof(double));
+    ASSERT_TRUE(stream.wait());
+    EXPECT_EQ(clearance, all.clearance);
+    EXPECT_EQ(by_joint, all.by_joint);
+  }
+  // The first of all that are refused is in the second four.
+  positions[8 * n + 1] = positions[6 * n + 2] = std::numeric_limits<double>::quiet_NaN();
+  std::vector<double> clearance(num);
+  const auto refused =
+      measure_tree(few, scene, {rig.arm.tree, kBase, positions}, {.clearance = clearance.data()});
+  ASSERT_TRUE(refused && *refused);
+  EXPECT_EQ((*refused)->number, 6 * n + 2);
 }
 
 TEST(JointTreeCuda, HoldsOrRefusesPositionsBeyondRanges) {

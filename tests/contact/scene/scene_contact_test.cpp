@@ -194,8 +194,8 @@ TEST(SceneContact, SumsCamerasAndBodies) {
       Tool::pack(make_box({0.1, 0.1, 0.1}), {.max_spheres = 50}).value().with_solid_field();
   const Body body(shape, {{0.2, 0, 0.8}, {}});
   const Scene scene{.surfaces = {seen.surface}, .bodies = {body, body.at({{-0.2, 0, 0.8}, {}})}};
-  const auto query = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
-  const auto pair = make_body_pair_query(Backend::cpu, tool, shape).value();
+  const auto query = make_contact_query(Place::cpu(), tool, FieldMethod{}).value();
+  const auto pair = make_body_pair_query(Place::cpu(), tool, shape).value();
   Random random(9);
   std::vector<Pose> poses;
   for (int i = 0; i < 100; ++i) {
@@ -320,6 +320,49 @@ TEST(SceneContact, ToolsAndGroups) {
   std::uint8_t hits[3];
   ASSERT_TRUE(both.any(scene, asked, 0, hits));
   EXPECT_EQ(hits[0] + 10 * hits[1] + 100 * hits[2], 1);
+}
+
+// Longer than what a thread takes at a time, and than what is placed at once.
+TEST(SceneContact, OneLongGroupHasTheSameAnswersOnSeveralThreads) {
+  Random random(17);
+  const test::HullScene seen = test::rough_scene(1, {}, random);
+  const Scene scene{.surfaces = {seen.views[0].to}};
+  const Tool tool = test::random_tool(30, 0.03, 4);
+  const Tool* const tools[] = {&tool};
+  std::vector<Pose> poses;
+  std::vector<std::int32_t> group_of_pose;
+  for (int i = 0; i < 700; ++i) {
+    const double x = random.uniform(-0.3, 0.3), y = random.uniform(-0.2, 0.2);
+    poses.push_back({{x, y, random.uniform(0.2, 0.9)}, random.rotation(3)});
+    group_of_pose.push_back(i < 600 ? 0 : 1);
+  }
+  const ScenePoses asked{poses, {}, group_of_pose, 2};
+  std::vector<double> each(700), group(2), volume(700);
+  SceneAnswers answers;
+  answers.contact.volume = volume.data();
+  answers.clearance = each.data();
+  answers.group_clearance = group.data();
+  std::vector<double> least;
+  for (const int num_threads : {1, 4}) {
+    const SceneContact contact =
+        SceneContact::create(tools, FieldMethod{}, Place::cpu(), num_threads).value();
+    answers.only_least_of_groups = false;
+    ASSERT_TRUE(contact.measure(scene, asked, answers));
+    if (least.empty()) least = group;
+    EXPECT_EQ(group, least);
+    const std::vector<double> all = each;
+    answers.only_least_of_groups = true;
+    ASSERT_TRUE(contact.measure(scene, asked, answers));
+    EXPECT_EQ(group, least);
+    for (std::size_t i = 0; i < each.size(); ++i) EXPECT_GE(each[i], all[i]) << i;
+    for (const double margin : {least[0] + 1e-6, least[0] - 1e-6}) {
+      std::uint8_t hits[2];
+      ASSERT_TRUE(contact.any(scene, asked, margin, hits));
+      EXPECT_EQ(hits[0] != 0, least[0] < margin);
+      EXPECT_EQ(hits[1] != 0, least[1] < margin);
+    }
+  }
+  EXPECT_LT(least[0], kClearanceLimit);
 }
 
 TEST(SceneContact, UnseenSpaceIsAPolicyOfTheQuestion) {

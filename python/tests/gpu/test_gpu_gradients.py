@@ -8,7 +8,7 @@ import palpate
 
 torch = pytest.importorskip("torch", reason="PyTorch is not installed")
 
-from palpate.torch import penetration, wrench  # noqa: E402
+from palpate.torch import clearance, penetration, wrench  # noqa: E402
 
 
 @pytest.fixture
@@ -58,6 +58,27 @@ def test_many_surfaces(cube, scene, felt):
     expected = on_cpu(cube, scene)
     assert_close(potential.detach(), torch.from_numpy(np.array(expected.potential)), "potential")
     assert_close(gradient[:, :3], torch.from_numpy(-np.array(expected.force)), "gradient")
+
+
+def test_clearance_and_scenes_stay_there(cube, scene, felt):
+    torch, _, on_gpu, numbers = felt
+    camera, images, *_ = scene
+    seen = {place: palpate.Scene([palpate.Sensor(camera, place=place).update(images[0])],
+                                 [palpate.Body(cube, [0.05, 0, 0.8, 0, 0, 0, 1])]) for place in ("cpu", "cuda")}
+    which = (np.arange(len(numbers)) % 2).astype(np.int32)
+
+    def derivatives(place, poses):
+        poses = poses.detach().requires_grad_()
+        far = clearance(palpate.Contact([cube, cube], place=place), seen[place], poses, tool_of_pose=which)
+        (by_far,) = torch.autograd.grad(far.sum(), poses)
+        potential = penetration(cube, seen[place], poses, second=True).potential
+        (by_potential,) = torch.autograd.grad(potential.sum(), poses, create_graph=True)
+        (twice,) = torch.autograd.grad(by_potential[:, 2].sum(), poses)
+        return {"clearance": far, "by clearance": by_far, "potential": potential, "gradient": by_potential, "twice": twice}
+
+    here, there = derivatives("cpu", numbers), derivatives("cuda", numbers.cuda())
+    for name, expected in here.items():
+        assert_close(there[name].detach(), expected.detach(), name, 2e-3 if name == "twice" else 1e-4)
 
 
 def test_captured_in_a_graph(cube, felt):

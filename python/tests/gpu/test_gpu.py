@@ -191,11 +191,29 @@ def test_configurations_of_a_robot(scene, library, tmp_path):
         same = (host(got.link) == want.link) | (want.clearance <= -0.1)  # of deep links either may be named
         assert same.mean() > 0.99 and (want.link >= 0).any()
         assert np.abs(host(got.clearance_by_joint) - want.clearance_by_joint)[same].max() < 1e-2
-        assert (host(gpu.any(there, given, 0.02)) == cpu.any(seen, joints, 0.02)).mean() > 0.99
+        blocked = host(gpu.any(there, given, 0.02))
+        assert blocked.dtype == bool
+        assert (blocked == cpu.any(seen, joints, 0.02)).mean() > 0.99
     with pytest.raises(palpate.Error, match="host memory"):
         gpu.measure(there, library.on_gpu(joints))
     with pytest.raises(palpate.Error, match="'elbow' of configuration .* beyond its limits"):
         gpu.any(there, library.on_gpu(joints), limits="refuse")
+
+
+def test_a_robot_is_measured_with_all_defaults(scene, tmp_path):
+    camera, images, *_ = scene
+    (tmp_path / "arm.urdf").write_text(ARM)
+    base = [0, -0.3, 0.75, -0.707, 0, 0, 0.707]
+    joints = np.random.default_rng(4).uniform(-1.5, 2, (50, 2))
+    got, want = (
+        palpate.Robot(tmp_path / "arm.urdf", base=base, place=place).measure(
+            palpate.Scene([palpate.Sensor(camera, place=place).update(images[0])]), joints, 0.02)
+        for place in ("cuda", "cpu"))
+    assert set(vars(got)) == set(vars(want))
+    assert got.any.dtype == bool and (got.any == want.any).mean() > 0.95
+    for name, tolerance in (("volume", 1e-8), ("wrench", 1e-8), ("joint_torque", 1e-8), ("clearance", 1e-5), ("unseen", 0.01)):
+        assert np.abs(getattr(got, name) - getattr(want, name)).max() < tolerance, name
+    assert (want.unseen > 0).any() and (want.volume > 0).any()
 
 
 @pytest.mark.parametrize("is_given", [False, True])
