@@ -1,21 +1,15 @@
 #include "src/cloud/surface/adaptive/adaptive_cuda.h"
 
-#include <limits>
-
-#include "src/cloud/surface/adaptive/noise_fit.h"
-#include "src/cloud/surface/adaptive/scale_rules.h"
-#include "src/cloud/surface/surface_kernels.h"
-#include "src/gpu/internal/team.cuh"
+#include "src/cloud/surface/adaptive/adaptive_cells.cuh"
+#include "src/cloud/surface/adaptive/adaptive_small.cuh"
 
 namespace palpate { inline namespace v0 {
 namespace one_lane { namespace {
 
-constexpr float kNotMeasured = std::numeric_limits<float>::quiet_NaN();
 constexpr int kTileSide = 1 << kNumScales;  // pixels
-constexpr int kAdaptiveThreads = 256;
-constexpr int kReach = 2;            // cells, of a prediction
+static_assert(kTileSide == kTileWidth);
+constexpr int kAdaptiveThreads = 256, kAdaptiveWarps = kAdaptiveThreads / gpu::kWarpSize;
 constexpr int kMargin = 2 * kReach;  // cells, of a level
-constexpr int kNoiseThreads = (kNumScales * DetailCounts::kDepths + 31) / 32 * 32;
 
 /// Number of the first cell of a level among those of a tile, which are counted level by level.
 PALPATE_HOSTDEV constexpr int first_cell(int level) {
@@ -23,16 +17,7 @@ PALPATE_HOSTDEV constexpr int first_cell(int level) {
 }
 constexpr int kTileCells = first_cell(kNumScales + 1);
 
-/// A cell of a tile.
-struct TileCell {
-  int level;
-  int u, v;  // in the image
-  bool is_inside;
-  std::ptrdiff_t at;  // in the arrays of its level
-  int finer;          // number of the upper left of its cells of the next finer level, if any
-};
-
-/// Position of a block.
+/// Position of a block, and of the cells of its tile.
 struct ScaleTile {
   int image, column, row;
 
@@ -43,186 +28,225 @@ struct ScaleTile {
     row = (block - image * num) / widest.width;
     column = block - image * num - row * widest.width;
   }
-  /// The cell of a number.
-  __device__ TileCell cell(const AdaptiveJob& job, int number) const {
-    TileCell cell;
-    cell.level = 0;
-    while (number >= first_cell(cell.level + 1)) ++cell.level;
-    const LevelCuda& level = job.levels[cell.level];
-    const int side = kTileSide >> cell.level, rest = number - first_cell(cell.level);
-    const int y = rest / side, x = rest - y * side;
-    cell.u = column * side + x;
-    cell.v = row * side + y;
-    cell.is_inside = cell.u < level.width && cell.v < level.height;
-    cell.at = image * job.cells_apart + level.at(cell.u, cell.v);
-    cell.finer = first_cell(cell.level) - 4 * side * side + 2 * (y * 2 * side + x);
-    return cell;
-  }
+  __device__ int u(int level) const { return column * (kTileSide >> level); }
+  __device__ int v(int level) const { return row * (kTileSide >> level); }
 };
 
-/// A number of each cell of a tile.
-struct TileCells {
+struct BeginShared {
+  static constexpr int kStride = kTileSide + 2;
+
+  int num_valid;
+  float depths[kStride * kStride];
   float cells[kTileCells];
 };
 
-/// Level 0 of the depth, and all wider ones from it.
+/// Reads the raw frame; makes level 0 of it, and all wider ones.
 __global__ void __launch_bounds__(kAdaptiveThreads)
-    widen_scales(const __grid_constant__ AdaptiveJob job) {
-  float* const cells = gpu::shared_memory<TileCells>().cells;
+    begin_scales(const __grid_constant__ FilterJob filter,
+                 const __grid_constant__ AdaptiveJob job) {
+  BeginShared& shared = gpu::shared_memory<BeginShared>();
+  constexpr int stride = BeginShared::kStride;
   const ScaleTile tile(job);
-  const int thread = static_cast<int>(threadIdx.x);
-  const float* const depth = job.depth + tile.image * job.depth_apart;
-  for (int level = 0; level <= kNumScales; ++level) {
-    const int side = kTileSide >> level;
-    const float tolerance = scale_tolerance(level);
-    for (int i = first_cell(level) + thread; i < first_cell(level + 1); i += kAdaptiveThreads) {
-      const TileCell cell = tile.cell(job, i);
-      float mean = 0;
-      if (level > 0) {
-        const float* const above = cells + cell.finer;
-        const float* const below = above + 2 * side;
-        mean = joined_cells(above[0], above[1], below[0], below[1], tolerance);
-      } else if (cell.is_inside) {
-        const float z = depth[static_cast<std::ptrdiff_t>(cell.v) * job.levels[0].width + cell.u];
-        mean = z < kAnyDepth ? 1.0f / z : 0.0f;
-      }
-      cells[i] = mean;
-      if (cell.is_inside) job.levels[level].mean[cell.at] = mean;
-    }
-    __syncthreads();
-  }
-}
-
-/// The predictions of the two by two cells of a cell.
-struct FinerCells {
-  float cells[2][2];
-};
-__device__ inline FinerCells predicted_cells(const float* at, std::ptrdiff_t stride, int level) {
-  const float tolerance = scale_tolerance(level), mean = *at;
-  float lower[2 * kReach + 1], upper[2 * kReach + 1];
+  const int thread = static_cast<int>(threadIdx.x), lane = gpu::lane_id();
+  const LevelCuda& finest = job.levels[0];
+  const int first_u = tile.u(0), first_v = tile.v(0);
+  const auto depth_at = [&](int u, int v) {
+    const bool is_inside = u >= 0 && v >= 0 && u < finest.width && v < finest.height;
+    return is_inside ? raw_depth(filter, tile.image, u, v) : kNoDepth;
+  };
+  if (thread == 0) shared.num_valid = 0;
+  float* const depths = shared.depths + stride + 1;
+  int num_valid = 0;
 #pragma unroll
-  for (int i = 0; i < 2 * kReach + 1; ++i) {
-    const float* const p = at + i - kReach;
-    const Halves h = halves_of(p[-2 * stride], p[-stride], p[0], p[stride], p[2 * stride]);
-    lower[i] = h.lower;
-    upper[i] = h.upper;
-  }
-  const QuarterSlope across = quarter_slope(at[-1], mean, at[1], tolerance);
-  const QuarterSlope down = quarter_slope(at[-stride], mean, at[stride], tolerance);
-  const bool has_plane = (mean > 0) & across.is_known & down.is_known;
-  FinerCells finer;
-#pragma unroll
-  for (int row = 0; row < 2; ++row) {
-    const float* const halves = row == 0 ? lower : upper;
-    const float center = row == 0 ? mean - down.change : mean + down.change;
-    const Halves h = halves_of(halves[0], halves[1], halves[2], halves[3], halves[4]);
-    finer.cells[row][0] = predicted_cell(h.lower, center - across.change, mean, has_plane);
-    finer.cells[row][1] = predicted_cell(h.upper, center + across.change, mean, has_plane);
-  }
-  return finer;
-}
-
-/// All levels from the next wider ones; counts the details.
-__global__ void __launch_bounds__(kAdaptiveThreads)
-    predict_scales(const __grid_constant__ AdaptiveJob job) {
-  const ScaleTile tile(job);
-  const int first = first_cell(1) + static_cast<int>(threadIdx.x);
-  for (int i = first; i < kTileCells; i += kAdaptiveThreads) {
-    const TileCell cell = tile.cell(job, i);
-    if (!cell.is_inside) continue;
-    const int number = cell.level - 1, step = count_step(number);
-    const LevelCuda& wider = job.levels[cell.level];
-    const LevelCuda& level = job.levels[number];
-    const FinerCells finer = predicted_cells(wider.mean + cell.at, wider.stride, cell.level);
-    for (int k = 0; k < 4; ++k) {
-      const int u = 2 * cell.u + k % 2, v = 2 * cell.v + k / 2;
-      if (u >= level.width || v >= level.height) continue;
-      const std::ptrdiff_t at = tile.image * job.cells_apart + level.at(u, v);
-      const float mean = level.mean[at], predicted = finer.cells[k / 2][k % 2];
-      level.predicted[at] = predicted;
-      if (u % step != 0 || v % step != 0 || !(mean > 0 && predicted > 0)) continue;
-      const DetailPlace place = place_of(mean, mean - predicted);
-      DetailCounts& counts = job.counts[tile.image * kNumScales + number];
-      atomicAdd(&counts.counts[place.depth][place.size], std::uint32_t{1});
+  for (int k = 0; k < kTileSide / kAdaptiveWarps; ++k) {
+    const int y = gpu::warp_id() + k * kAdaptiveWarps, v = first_v + y;
+    const float z = depth_at(first_u + lane, v);
+    const unsigned far = __ballot_sync(gpu::kWholeWarp, z > kNoDepth);
+    if (lane == 0 && v < finest.height) {
+      filter.far[filter.tiling.word(tile.image, v, tile.column)] = far;
     }
+    num_valid += z < kAnyDepth;
+    depths[y * stride + lane] = z;
   }
-}
-
-struct NoiseShared {
-  NoiseByDepth by_depth[kNumScales];
-};
-
-/// A block finds the noise of all levels of an image.
-__global__ void __launch_bounds__(kNoiseThreads)
-    find_noise(const __grid_constant__ AdaptiveJob job) {
-  NoiseShared& shared = gpu::shared_memory<NoiseShared>();
-  const int first = static_cast<int>(blockIdx.x) * kNumScales;  // of the image
-  const int level = static_cast<int>(threadIdx.x) / DetailCounts::kDepths;
-  const int z = static_cast<int>(threadIdx.x) % DetailCounts::kDepths;
-  if (level < kNumScales) {
-    shared.by_depth[level][z] = detail_noise(job.counts[first + level].counts[z], z);
+  if (filter.flying_gap > 0 && thread < 4 * (kTileSide + 1)) {  // around
+    const int side = thread / (kTileSide + 1), along = thread % (kTileSide + 1);
+    const int x = side == 0 ? along - 1 : side == 1 ? kTileSide : side == 2 ? along : -1;
+    const int y = side == 0 ? -1 : side == 1 ? along - 1 : side == 2 ? kTileSide : along;
+    depths[y * stride + x] = depth_at(first_u + x, first_v + y);
   }
   __syncthreads();
-  if (threadIdx.x == 0) fit_noise(shared.by_depth, job.noise + first);
+  num_valid = gpu::warp_sum(num_valid);
+  if (lane == 0) atomicAdd(&shared.num_valid, num_valid);
+
+  float* const means = job.mean + tile.image * job.cells_apart;
+#pragma unroll
+  for (int k = 0; k < kTileSide / kAdaptiveWarps; ++k) {
+    const int y = gpu::warp_id() + k * kAdaptiveWarps;
+    const float mean = inverse_depth(filter, depths + y * stride + lane, stride);
+    shared.cells[y * kTileSide + lane] = mean;
+    const int u = first_u + lane, v = first_v + y;
+    if (u < finest.width && v < finest.height) means[finest.at(u, v)] = mean;
+  }
+#pragma unroll
+  for (int number = 1; number <= kNumScales; ++number) {
+    __syncthreads();
+    const int side = kTileSide >> number;
+    const LevelCuda& level = job.levels[number];
+    if (thread >= side * side) continue;
+    const int x = thread % side, y = thread / side;
+    const float* const finer = shared.cells + first_cell(number - 1);
+    const float mean =
+        wider_cell(finer + 2 * (y * 2 * side + x), 2 * side, scale_tolerance(number));
+    shared.cells[first_cell(number) + thread] = mean;
+    const int u = tile.u(number) + x, v = tile.v(number) + y;
+    if (u < level.width && v < level.height) means[level.at(u, v)] = mean;
+  }
+  if (thread == 0 && tile.image == 0) {
+    filter.num_valid[2 * tile.row * filter.tiling.tiles_per_row + tile.column] = shared.num_valid;
+  }
 }
 
-/// Energy of a cell's neighborhood beyond that of noise.
-__device__ inline float own_energy(const LevelCuda& level, std::ptrdiff_t at,
-                                   const ScaleNoise& noise) {
-  float sums[3], weights[3];  // of columns
-#pragma unroll
-  for (int column = 0; column < 3; ++column) {
-    sums[column] = weights[column] = 0;
-#pragma unroll
-    for (int row = -1; row <= 1; ++row) {
-      const std::ptrdiff_t i = at + row * level.stride + column - 1;
-      const float mean = level.mean[i], predicted = level.predicted[i];
-      if (!(mean > 0 && predicted > 0)) continue;
-      const float share = row == 0 ? 2.0f : 1.0f;
-      sums[column] += share * energy_of(mean, predicted, noise);
-      weights[column] += share;
+struct PredictShared {
+  std::uint32_t seen[kNumScales];
+  int is_last;
+  NoiseShared noise;
+};
+
+/// Predicts all levels from the next wider ones and counts the details. The last block of an image
+/// finds its noise.
+__global__ void __launch_bounds__(kAdaptiveThreads)
+    predict_scales(const __grid_constant__ AdaptiveJob job) {
+  PredictShared& shared = gpu::shared_memory<PredictShared>();
+  const ScaleTile tile(job);
+  const int thread = static_cast<int>(threadIdx.x), lane = gpu::lane_id();
+  const float* const means = job.mean + tile.image * job.cells_apart;
+  float* const predictions = job.predicted + tile.image * job.cells_apart;
+  const WideCounts counts{job.counts + static_cast<std::ptrdiff_t>(tile.image) * kNumCounts};
+  std::uint32_t* const all_seen = job.seen + tile.image * kNumScales;
+  if (thread < kNumScales) shared.seen[thread] = 0;
+  __syncthreads();
+  const auto count = [&](int number, int at) {
+    const int found = at >= 0 ? count_of(number, means[at], predictions[at]) : -1;
+    count_in_warp(counts, found);
+    if (found < 0) return;
+    const int row = found / kSizes, level = row / kDepths;
+    const std::uint32_t bit = 1u << (row - level * kDepths);
+    if ((gpu::read_now(shared.seen + level) & bit) == 0) atomicOr(shared.seen + level, bit);
+  };
+  constexpr int kFirst = first_cell(1), kRounds = (kTileCells - kFirst - 1) / kAdaptiveThreads + 1;
+  for (int round = 0; round < kRounds; ++round) {
+    const int cell = kFirst + round * kAdaptiveThreads + thread;
+    int wider = 1;
+    while (wider < kNumScales && cell >= first_cell(wider + 1)) ++wider;
+    const int number = wider - 1, shift = kNumScales - wider, rest = cell - first_cell(wider);
+    const int u = tile.u(wider) + (rest & ((1 << shift) - 1)), v = tile.v(wider) + (rest >> shift);
+    const LevelCuda &coarse = job.levels[wider], &fine = job.levels[number];
+    const bool is_inside = cell < kTileCells && u < coarse.width && v < coarse.height;
+    const int at = fine.at(2 * u, 2 * v);
+    if (is_inside) {
+      predict_cells(means + coarse.at(u, v), coarse.stride, wider, predictions + at, fine.stride);
+    }
+    const int step = count_step(number);  // 4, 2 or 1
+    count(number, is_inside && (step < 4 || (u % 2 == 0 && v % 2 == 0)) ? at : -1);
+    if (round == 0) continue;  // level 0
+    for (const int next : {1, fine.stride, fine.stride + 1}) {
+      count(number, is_inside && step == 1 ? at + next : -1);
     }
   }
-  return excess_of(sums[0] + 2.0f * sums[1] + sums[2], weights[0] + 2.0f * weights[1] + weights[2],
-                   level.mean[at], noise);
+  static_assert(first_cell(2) - kFirst == kAdaptiveThreads);
+  __syncthreads();
+  if (thread < kNumScales && (shared.seen[thread] & ~gpu::read_now(all_seen + thread)) != 0) {
+    atomicOr(all_seen + thread, shared.seen[thread]);
+  }
+  const LevelCuda& widest = job.levels[kNumScales];
+  const auto num_tiles = static_cast<unsigned>(widest.width * widest.height);
+  if (!gpu::is_last_block(job.num_done + tile.image, &shared.is_last, num_tiles)) return;
+
+  for (int row = gpu::warp_id(); row < kNumRows; row += kAdaptiveWarps) {
+    if ((gpu::read_now(all_seen + row / kDepths) >> row % kDepths & 1) == 0) {
+      if (lane == 0) shared.noise.by_depth[row / kDepths][row % kDepths] = {};
+      continue;
+    }
+    find_depth_noise(counts, row, shared.noise);
+    for (int i = lane; i < kSizes; i += gpu::kWarpSize) counts.words[row * kSizes + i] = 0;
+  }
+  __syncthreads();
+  if (thread < kNumScales) all_seen[thread] = 0;  // for the next image
+  if (gpu::warp_id() != 0) return;
+  fit_noise(shared.noise);
+  if (lane < kNumScales) job.noise[tile.image * kNumScales + lane] = shared.noise.noise[lane];
+  if (lane == 0 && tile.image == 0) *job.frame_noise = frame_noise_of(shared.noise.noise);
 }
 
-/// The energy of all levels, with that of the finer ones.
+/// Cells of a tile's level with those around it.
+PALPATE_HOSTDEV constexpr int wide_side(int level) { return (kTileSide >> level) + 2; }
+PALPATE_HOSTDEV constexpr int first_wide_cell(int level) {
+  return level == 0 ? 0 : first_wide_cell(level - 1) + wide_side(level - 1) * wide_side(level - 1);
+}
+struct EnergyShared {
+  float details[first_wide_cell(kNumScales)];
+  float cells[first_cell(kNumScales)];
+};
+
+/// The energy of all levels, with that of the finer and the wider ones.
 __global__ void __launch_bounds__(kAdaptiveThreads)
     find_energies(const __grid_constant__ AdaptiveJob job) {
-  float* const cells = gpu::shared_memory<TileCells>().cells;
+  EnergyShared& shared = gpu::shared_memory<EnergyShared>();
   const ScaleTile tile(job);
   const int thread = static_cast<int>(threadIdx.x);
+  const std::ptrdiff_t image = tile.image * job.cells_apart;
   const ScaleNoise* const noise = job.noise + tile.image * kNumScales;
-  for (int i = thread; i < first_cell(kNumScales); i += kAdaptiveThreads) {
-    const TileCell cell = tile.cell(job, i);
-    cells[i] = cell.is_inside ? own_energy(job.levels[cell.level], cell.at, noise[cell.level]) : 0;
-  }
-  for (int level = 0; level < kNumScales; ++level) {
-    const int side = kTileSide >> level;
-    __syncthreads();
-    for (int i = first_cell(level) + thread; i < first_cell(level + 1); i += kAdaptiveThreads) {
-      const TileCell cell = tile.cell(job, i);
-      if (level > 0) {
-        const float* const above = cells + cell.finer;
-        const float* const below = above + 2 * side;
-        cells[i] = max(cells[i], max(max(above[0], above[1]), max(below[0], below[1])));
-      }
-      if (cell.is_inside) job.levels[level].energy[cell.at] = cells[i];
+#pragma unroll
+  for (int number = 0; number < kNumScales; ++number) {
+    const LevelCuda& level = job.levels[number];
+    const int side = wide_side(number);
+    for (int i = thread; i < side * side; i += kAdaptiveThreads) {
+      const int u = tile.u(number) + i % side - 1, v = tile.v(number) + i / side - 1;
+      const bool is_near = u <= level.width && v <= level.height;
+      const std::ptrdiff_t at = image + level.at(u, v);
+      shared.details[first_wide_cell(number) + i] =
+          is_near ? detail_energy(job.mean[at], job.predicted[at], noise[number]) : kUnknown;
     }
   }
-}
-
-/// Energy of a cell with that of the wider ones around it.
-__device__ inline float energy_at(const AdaptiveJob& job, int image, int number, int u, int v) {
-  float energy = 0;
-  for (int level = kNumScales - 1; level >= number; --level) {
-    const LevelCuda& around = job.levels[level];
-    const int up = level - number;
-    const float own = around.energy[image * job.cells_apart + around.at(u >> up, v >> up)];
-    energy = max(own, kFinerShare * energy);
+  __syncthreads();
+#pragma unroll
+  for (int number = 0; number < kNumScales; ++number) {
+    const LevelCuda& level = job.levels[number];
+    const int side = kTileSide >> number;
+    for (int i = thread; i < side * side; i += kAdaptiveThreads) {
+      const int x = i % side, y = i / side, u = tile.u(number) + x, v = tile.v(number) + y;
+      const bool is_inside = u < level.width && v < level.height;
+      const float* const detail =
+          shared.details + first_wide_cell(number) + (y + 1) * (side + 2) + x + 1;
+      shared.cells[first_cell(number) + i] =
+          is_inside ? own_energy(detail, side + 2, job.mean[image + level.at(u, v)], noise[number])
+                    : 0.0f;
+    }
   }
-  return energy;
+#pragma unroll
+  for (int number = 1; number < kNumScales; ++number) {
+    __syncthreads();
+    const int side = kTileSide >> number;
+    if (thread >= side * side) continue;
+    float& cell = shared.cells[first_cell(number) + thread];
+    const float* const finer = shared.cells + first_cell(number - 1);
+    cell = with_finer(cell, finer + 2 * (thread / side * 2 * side + thread % side), 2 * side);
+  }
+#pragma unroll
+  for (int number = kNumScales - 1; number >= 0; --number) {
+    __syncthreads();
+    const LevelCuda& level = job.levels[number];
+    const int side = kTileSide >> number;
+    for (int i = thread; i < side * side; i += kAdaptiveThreads) {
+      const int x = i % side, y = i / side, u = tile.u(number) + x, v = tile.v(number) + y;
+      float& cell = shared.cells[first_cell(number) + i];
+      if (number < kNumScales - 1) {
+        cell = max(cell,
+                   kFinerShare * shared.cells[first_cell(number + 1) + y / 2 * (side / 2) + x / 2]);
+      }
+      if (u < level.width && v < level.height) job.energy[image + level.at(u, v)] = cell;
+    }
+  }
 }
 
 /// Cells around a tile that its smoothing needs of a level, each way: an even number.
@@ -233,27 +257,43 @@ PALPATE_HOSTDEV constexpr int smoothed_side(int level) {
   return (kTileSide >> level) + 2 * reach_at(level);
 }
 
-/// Smoothed cells of a tile and around it, of the level that is made and of the wider one.
+/// The pixels of a tile and those around it, and its smoothed cells and those around them, of the
+/// level that is made and of the wider one.
 struct SmoothShared {
-  float cells[2][smoothed_side(1) * smoothed_side(1)];
+  static constexpr int kStride = kTileSide + 2 * kReach;
+
+  alignas(16) float cells[2][smoothed_side(0) * smoothed_side(0)];
+  float mean[kStride * kStride], predicted[kStride * kStride];
 };
+static_assert(smoothed_side(1) < smoothed_side(0));
 
 /// Smooths all levels, from the widest on. What tiles need of their neighbors, they make, too.
 __global__ void __launch_bounds__(kAdaptiveThreads)
-    smooth_scales(const __grid_constant__ AdaptiveJob job) {
+    smooth_scales(const __grid_constant__ FilterJob filter,
+                  const __grid_constant__ AdaptiveJob job) {
   SmoothShared& shared = gpu::shared_memory<SmoothShared>();
   const ScaleTile tile(job);
   const int thread = static_cast<int>(threadIdx.x);
   const std::ptrdiff_t first = tile.image * job.cells_apart;
-  float* const depth = job.depth + tile.image * job.depth_apart;
+  const float* const means = job.mean + first;
+  const float* const predictions = job.predicted + first;
+  float* const depth = filter.depth + tile.image * filter.tiling.points_apart;
 
-  const LevelCuda& widest = job.levels[kNumScales];
   constexpr int widest_side = smoothed_side(kNumScales), widest_reach = reach_at(kNumScales);
-  for (int i = thread; i < widest_side * widest_side; i += kAdaptiveThreads) {
-    const int u = tile.column - widest_reach + i % widest_side;
-    const int v = tile.row - widest_reach + i / widest_side;
-    shared.cells[kNumScales % 2][i] = widest.mean[first + widest.at(u, v)];
+  if (thread < widest_side * widest_side) {
+    const int u = tile.column - widest_reach + thread % widest_side;
+    const int v = tile.row - widest_reach + thread / widest_side;
+    shared.cells[kNumScales % 2][thread] = means[job.levels[kNumScales].at(u, v)];
   }
+  constexpr int stride = SmoothShared::kStride;
+  for (int i = thread; i < stride * stride; i += kAdaptiveThreads) {
+    const LevelCuda& finest = job.levels[0];
+    const int u = tile.u(0) - kReach + i % stride, v = tile.v(0) - kReach + i / stride;
+    const bool is_near = u < finest.width + kReach && v < finest.height + kReach;
+    shared.mean[i] = is_near ? means[finest.at(u, v)] : 0.0f;
+    shared.predicted[i] = is_near ? predictions[finest.at(u, v)] : 0.0f;
+  }
+#pragma unroll
   for (int number = kNumScales - 1; number >= 0; --number) {
     __syncthreads();
     const LevelCuda& level = job.levels[number];
@@ -263,89 +303,90 @@ __global__ void __launch_bounds__(kAdaptiveThreads)
     const int border = reach_at(number + 1) - reach / 2;  // wider cells around those that are used
     const float* const wider = shared.cells[(number + 1) % 2];
     float* const smoothed = shared.cells[number % 2];
-    for (int i = thread; i < side / 2 * (side / 2); i += kAdaptiveThreads) {
-      const int row = i / (side / 2), column = i - row * (side / 2);
-      const FinerCells finer = predicted_cells(
-          wider + (row + border) * wider_side + column + border, wider_side, number + 1);
-      for (int k = 0; k < 4; ++k) {
-        const int x = 2 * column + k % 2, y = 2 * row + k / 2;
-        const int u = tile.column * (kTileSide >> number) - reach + x;
-        const int v = tile.row * (kTileSide >> number) - reach + y;
-        const bool is_inside = u >= 0 && v >= 0 && u < level.width && v < level.height;
-        float result = 0;
-        if (is_inside) {
-          const std::ptrdiff_t at = first + level.at(u, v);
-          const float* const mean = level.mean + at;
-          const float* const predicted = level.predicted + at;
-          const float energy = energy_at(job, tile.image, number, u, v);
-          float detail = *mean - *predicted;
-          if (number < kCalmLevels && is_kept(*mean, *predicted, energy)) {
-            detail = calm_detail(number, mean, predicted, level.stride, noise);
-          }
-          result =
-              smoothed_cell(*mean, detail, *predicted, finer.cells[k / 2][k % 2], energy, noise);
-        }
-        if (number > 0) {
-          smoothed[y * side + x] = result;
-        } else if (is_inside) {
-          depth[static_cast<std::ptrdiff_t>(v) * level.width + u] =
-              result > 0 ? 1.0f / result : kNotMeasured;
-        }
+    if (thread < side / 2 * (side / 2)) {
+      const int y = thread / (side / 2), x = thread % (side / 2);
+      predict_cells(wider + (y + border) * wider_side + x + border, wider_side, number + 1,
+                    smoothed + 2 * (y * side + x), side);
+    }
+    __syncthreads();
+    for (int i = thread; i < side * side; i += kAdaptiveThreads) {
+      const int x = i % side, y = i / side;
+      const int u = tile.u(number) - reach + x, v = tile.v(number) - reach + y;
+      const bool is_inside = u >= 0 && v >= 0 && u < level.width && v < level.height;
+      const int at = level.at(u, v), near = (y + kReach) * stride + x + kReach;
+      const float* const mean = number == 0 ? shared.mean + near : means + at;
+      const float* const predicted = number == 0 ? shared.predicted + near : predictions + at;
+      const float result =
+          is_inside ? smoothed_at(number, mean, predicted, number == 0 ? stride : level.stride,
+                                  smoothed[i], job.energy[first + at], noise)
+                    : 0.0f;
+      if (number > 0) {
+        smoothed[i] = result;
+      } else if (is_inside) {
+        depth[static_cast<std::ptrdiff_t>(v) * level.width + u] =
+            result > 0 ? 1.0f / result : kNotMeasured;
       }
     }
   }
 }
+static_assert(smoothed_side(0) / 2 * (smoothed_side(0) / 2) <= kAdaptiveThreads);
+static_assert(smoothed_side(kNumScales) * smoothed_side(kNumScales) <= kAdaptiveThreads);
 
 }}  // namespace one_lane
 
-AdaptiveCuda::AdaptiveCuda(gpu::Memory& memory, int width, int height, int num_images, float* depth,
-                           std::ptrdiff_t depth_apart) {
-  constexpr int kMargin = one_lane::kMargin;
-  for (LevelCuda& level : job_.levels) {
+LevelsCuda::LevelsCuda(int width, int height, int margin) {
+  for (LevelCuda& level : levels) {
     level.width = width;
     level.height = height;
-    level.stride = width + 2 * kMargin;
-    job_.cells_apart += level.stride * (height + 2 * kMargin);
+    level.stride = (width + 2 * margin + 1) / 2 * 2;
+    level.first = num_cells + margin * level.stride + margin;
+    num_cells += level.stride * (height + 2 * margin);
     width = (width + 1) / 2;
     height = (height + 1) / 2;
   }
-  const auto num = static_cast<std::size_t>(num_images);
-  float* arrays[3];
-  for (float*& array : arrays) {
-    array = memory.take<float>(num * static_cast<std::size_t>(job_.cells_apart));
-  }
-  std::ptrdiff_t first = 0;  // cell of a level in each array
-  for (LevelCuda& level : job_.levels) {
-    const std::ptrdiff_t at = first + level.at(kMargin, kMargin);
-    level.mean = arrays[0] + at;
-    level.predicted = arrays[1] + at;
-    level.energy = arrays[2] + at;
-    first += level.stride * (level.height + 2 * kMargin);
-  }
-  job_.depth = depth;
-  job_.depth_apart = depth_apart;
-  job_.counts = memory.take<DetailCounts>(num * kNumScales);
-  job_.noise = memory.take<ScaleNoise>(num * kNumScales);
 }
 
-void AdaptiveCuda::enqueue(gpu::Stream& stream, int num_images) const {
+AdaptiveCuda::AdaptiveCuda(gpu::Memory& memory, int width, int height, int num_images)
+    : job_{LevelsCuda(width, height, one_lane::kMargin)} {
+  const LevelsCuda small(width, height, one_lane::kReach);
+  is_small_ = num_images > 0 && one_lane::fits_a_block(small, memory.gpu());
+  if (is_small_) {
+    job_.levels = small;
+    return;
+  }
+  constexpr int kAligned = 32;
+  job_.cells_apart = (job_.levels.num_cells + kAligned - 1) / kAligned * kAligned;
+  const auto num = static_cast<std::size_t>(num_images > 0 ? num_images : 1);
+  for (float** const array : {&job_.mean, &job_.predicted, &job_.energy}) {
+    *array = memory.take<float>(num * static_cast<std::size_t>(job_.cells_apart));
+  }
+  job_.counts = memory.take<std::uint32_t>(num * std::size_t{one_lane::kNumCounts});
+  job_.seen = memory.take<std::uint32_t>(num * kNumScales);
+  job_.num_done = memory.take<unsigned long long>(num);
+  job_.noise = memory.take<ScaleNoise>(num * kNumScales);
+  job_.frame_noise = memory.take_pinned<FrameNoise>(1);
+}
+
+void AdaptiveCuda::enqueue(gpu::Stream& stream, const one_lane::FilterJob& filter,
+                           int num_images) const {
+  if (is_small_) {
+    gpu::launch(stream,
+                {.blocks = num_images,
+                 .threads = one_lane::kSmallThreads,
+                 .shared_bytes = one_lane::small_bytes(job_.levels)},
+                one_lane::smooth_small_images, filter, job_.levels);
+    return;
+  }
   const LevelCuda& widest = job_.levels[kNumScales];
   const auto tiles = [&](std::size_t shared_bytes) {
     return gpu::LaunchShape{.blocks = num_images * widest.width * widest.height,
                             .threads = one_lane::kAdaptiveThreads,
                             .shared_bytes = shared_bytes};
   };
-  stream.clear(job_.counts,
-               static_cast<std::size_t>(num_images) * kNumScales * sizeof(DetailCounts));
-  gpu::launch(stream, tiles(sizeof(one_lane::TileCells)), one_lane::widen_scales, job_);
-  gpu::launch(stream, tiles(0), one_lane::predict_scales, job_);
-  gpu::launch(stream,
-              {.blocks = num_images,
-               .threads = one_lane::kNoiseThreads,
-               .shared_bytes = sizeof(one_lane::NoiseShared)},
-              one_lane::find_noise, job_);
-  gpu::launch(stream, tiles(sizeof(one_lane::TileCells)), one_lane::find_energies, job_);
-  gpu::launch(stream, tiles(sizeof(one_lane::SmoothShared)), one_lane::smooth_scales, job_);
+  gpu::launch(stream, tiles(sizeof(one_lane::BeginShared)), one_lane::begin_scales, filter, job_);
+  gpu::launch(stream, tiles(sizeof(one_lane::PredictShared)), one_lane::predict_scales, job_);
+  gpu::launch(stream, tiles(sizeof(one_lane::EnergyShared)), one_lane::find_energies, job_);
+  gpu::launch(stream, tiles(sizeof(one_lane::SmoothShared)), one_lane::smooth_scales, filter, job_);
 }
 
 }}  // namespace palpate::v0
