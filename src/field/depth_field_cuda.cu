@@ -187,6 +187,7 @@ void DepthFieldCuda::enqueue(FieldJob job, const PointCloudView& cloud, int num,
   view_ = job.layout.view(arrays.planes, arrays.silhouettes, arrays.near_silhouette, arrays.tiles,
                           options_);
   view_.intrinsics = cloud.intrinsics;
+  view_.noise = cloud.noise;
   view_.gpu = memory_.gpu();
   view_.stamp = next_stamp();
 }

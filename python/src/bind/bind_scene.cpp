@@ -207,7 +207,7 @@ bool is_scene(nb::handle given) { return nb::isinstance<PyScene>(given); }
 SceneMeasured measure_scene(PyContact& self, nb::handle given, nb::handle poses, SceneWants wants,
                             nb::handle tool_of_pose, nb::handle group_of_pose,
                             const SceneOut* out) {
-  if (wants.noise) check_std(self);
+  if (wants.noise) check_std(self, true);
   const PyScene scene = scene_of(given);
   // On a GPU it is known of joined cameras alone.
   wants.unseen = !scene.cameras.empty() &&

@@ -61,6 +61,7 @@ struct SurfaceCuda::Impl {
   FilterJob filter;
   std::optional<AdaptiveCuda> adaptive;
   NormalJob normals;
+  FrameNoise noise;  // unless the adaptive filter learns it
   std::size_t num_tiles;
 
   Impl(int image_width, int image_height, const Intrinsics& k, const SurfaceOptions& options,
@@ -125,6 +126,8 @@ SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
   cloud.view.edge_x = change[0];
   cloud.view.edge_y = change[1];
   cloud.view.edge_z = change[2];
+  noise = frame_noise(options.noise);
+  cloud.view.noise = adaptive && !is_known(options.noise) ? adaptive->noise() : &noise;
 }
 
 void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts,

@@ -5,8 +5,11 @@
 
 #include <gtest/gtest.h>
 
+#include "palpate/cloud/surface_estimator.h"
+#include "src/cloud/internal/surface_cuda.h"
 #include "src/contact/cuda/gpu_field.h"
 #include "src/core/internal/stamp.h"
+#include "src/field/depth_field_cuda.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/cuda_queries.h"
 #include "tests/test_util/frozen_field.h"
@@ -361,6 +364,83 @@ TEST(FieldContactCuda, BlendsTwoFieldsAsTwoMeasuresWould) {
   const Penetration whole = gpu.by(kOwn).measure(to.surface(), {}, 0.0, X_WT).penetration;
   EXPECT_NEAR(whole.volume, gpu.measure(to.surface(), X_WT, kOwn).volume, 1e-6 * whole.volume);
   EXPECT_EQ(whole.num_inside_spheres, 0);
+}
+
+// A frame at the origin and the next one, made on both sides: the host tells the noise of surfaces
+// that lie on a GPU, of a blend and of two cameras.
+TEST(FieldContactCuda, SaysTheNoiseOfTheCpuAgainstSurfacesMadeOnTheGpu) {
+  PALPATE_GPU_OR_SKIP();
+  const Intrinsics k{84, 84, 47.5, 35.5};
+  SurfaceOptions options;
+  options.filter.smoothing = Smoothing::adaptive;
+  const DepthFieldOptions apart{.unknown = UnknownSpace::blocked};
+  struct Frame {
+    SurfaceEstimator estimator;
+    DepthField field, seen_free;
+    SurfaceCuda estimator_cuda;
+    DepthFieldCuda field_cuda, seen_free_cuda;
+    SurfaceView on_cpu, on_gpu;
+  };
+  gpu::Stream stream(0, gpu::Priority::low);
+  gpu::Memory memory(0);
+  ThreadPool pool(1);
+  Random random(1);
+  std::vector<Frame> frames;
+  for (int number = 0; number < 2; ++number) {
+    frames.push_back({SurfaceEstimator::create(kWidth, kHeight, k, options).value(),
+                      DepthField::create(kWidth, kHeight).value(),
+                      DepthField::create(kWidth, kHeight, apart).value(),
+                      std::move(SurfaceCuda::create(kWidth, kHeight, k, options, 0).value()),
+                      std::move(DepthFieldCuda::create(kWidth, kHeight, {}, 0).value()),
+                      std::move(DepthFieldCuda::create(kWidth, kHeight, apart, 0).value()),
+                      {},
+                      {}});
+    Frame& frame = frames.back();
+    std::vector<float> depth;
+    for (int i = 0; i < kWidth * kHeight; ++i) {
+      depth.push_back(static_cast<float>(0.6 + 0.002 * random.normal()));
+    }
+    frame.estimator.update(depth, pool);
+    frame.estimator_cuda.enqueue_depth(stream, memory.copy_of(depth));
+    for (const bool on_gpu : {false, true}) {
+      SurfaceView& view = on_gpu ? frame.on_gpu : frame.on_cpu;
+      view.cloud = on_gpu ? frame.estimator_cuda.cloud() : frame.estimator.cloud();
+      if (on_gpu) {
+        frame.field_cuda.enqueue(view.cloud, stream);
+        frame.seen_free_cuda.enqueue(view.cloud, stream);
+        ASSERT_TRUE(stream.wait());
+      } else {
+        frame.field.update(view.cloud, pool);
+        frame.seen_free.update(view.cloud, pool);
+      }
+      view.field = on_gpu ? frame.field_cuda.view() : frame.field.view();
+      view.seen_free = on_gpu ? frame.seen_free_cuda.view() : frame.seen_free.view();
+      view.role = SurfaceRole::one_of_several;
+    }
+  }
+  const Tool tool = test::random_tool(400, 0.05, 6);
+  test::ContactQueries cpu(tool), gpu = test::cuda_queries(tool);
+  const Pose X_WT{{0.01, 0, 0.61}, random.rotation(1.0)};
+  const ContactWants wants{.noise = true};
+  const auto noise = [&](test::ContactQueries& queries, SurfaceView Frame::*view, int num,
+                         double alpha) {
+    const SurfaceBlend both[] = {{frames[0].*view, frames[1].*view, alpha},
+                                 {frames[1].*view, frames[1].*view, 1}};
+    const auto result =
+        queries.by(kOwn).measure({both, static_cast<std::size_t>(num)}, X_WT, wants);
+    EXPECT_GT(result.penetration.volume, 0);
+    EXPECT_TRUE(result.noise);
+    return result.noise.value_or(MeasureNoise{});
+  };
+  for (const int num : {1, 2}) {
+    for (const double alpha : {1.0, 0.3}) {
+      SCOPED_TRACE(testing::Message() << num << " cameras, " << alpha);
+      const MeasureNoise want = noise(cpu, &Frame::on_cpu, num, alpha);
+      const MeasureNoise got = noise(gpu, &Frame::on_gpu, num, alpha);
+      EXPECT_GT(want.volume, 0);
+      EXPECT_EQ(std::memcmp(&got, &want, sizeof got), 0);
+    }
+  }
 }
 
 }  // namespace
