@@ -102,14 +102,17 @@ Result<DepthFieldCuda> DepthFieldCuda::create(int width, int height,
   const auto blocks_over = [](int size, int part) { return (size + part - 1) / part; };
   job.squares_wide = blocks_over(width, kSquare);
   job.squares_high = blocks_over(height, kSquare);
-  // One image alone needs many tiles to fill the GPU.
-  job.rim = num_at_once > 1 ? large_rim_tiles(job) : rim_tiling(job, 57, 16);
   constexpr int kBorders = 2 * DepthFieldLevel::kBorder;
   for (int level = 0; level < layout->num_levels; ++level) {
     const auto& image = layout->levels[level];
+    // One image alone needs many tiles to fill the GPU.
+    const RimTiling tiling =
+        num_at_once > 1 ? large_rim_tiles(job, level) : rim_tiling(job, level, 57, 16);
+    job.rims[level] = tiling;
+    job.rim_bytes = std::max(job.rim_bytes, tiling.shared_bytes);
     job.first_rim_block[level + 1] =
-        job.first_rim_block[level] + blocks_over(image.width + kBorders, job.rim.wide) *
-                                         blocks_over(image.height + kBorders, job.rim.high);
+        job.first_rim_block[level] + blocks_over(image.width + kBorders, tiling.wide) *
+                                         blocks_over(image.height + kBorders, tiling.high);
   }
   // Any field's arrays are as well aligned as the first one's.
   constexpr std::size_t kAligned = 64;
@@ -178,11 +181,10 @@ void DepthFieldCuda::enqueue(FieldJob job, const PointCloudView& cloud, int num,
   for (int level = 0; level < job.layout.num_levels; ++level) {
     rims.levels[level] = one_lane::rule_level(cloud.intrinsics, level);
   }
-  gpu::launch(stream,
-              {.blocks = num * job.num_rim_blocks(),
-               .threads = kRimThreads,
-               .shared_bytes = job.rim.shared_bytes},
-              find_silhouettes, job, rims);
+  gpu::launch(
+      stream,
+      {.blocks = num * job.num_rim_blocks(), .threads = kRimThreads, .shared_bytes = job.rim_bytes},
+      find_silhouettes, job, rims);
   const FieldArrays& arrays = job_.arrays;
   view_ = job.layout.view(arrays.planes, arrays.silhouettes, arrays.near_silhouette, arrays.tiles,
                           options_);

@@ -47,7 +47,8 @@ struct FieldJob {
   const TangentPlane* given = nullptr;  ///< planes of all points, if they are not the cloud's
   int* has_hole = nullptr;              ///< of each block's square of level 0, field after field
   int squares_wide = 0, squares_high = 0;
-  RimTiling rim;
+  RimTiling rims[DepthFieldView::kMaxLevels];
+  std::size_t rim_bytes = 0;  ///< shared memory of a block, for the tiles of any level
   /// The first block that looks for silhouettes in a level; the last entry is their number.
   int first_rim_block[DepthFieldView::kMaxLevels + 1] = {};
 

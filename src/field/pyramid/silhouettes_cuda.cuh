@@ -29,19 +29,20 @@ struct RimLevels {
 /// Last kernel of a field: borders and silhouettes.
 __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
     find_silhouettes(const __grid_constant__ FieldJob job, const __grid_constant__ RimLevels rims) {
-  const RimMemory shared(job.rim);
   const int block = static_cast<int>(blockIdx.x) % job.num_rim_blocks();
   const FieldArrays arrays = job.arrays_of(static_cast<int>(blockIdx.x) / job.num_rim_blocks());
   const int thread = static_cast<int>(threadIdx.x), lane = gpu::lane_id(), warp = gpu::warp_id();
   int level = 0;
   while (block >= job.first_rim_block[level + 1]) ++level;
+  const RimTiling& tiling = job.rims[level];
+  const RimMemory shared(tiling);
   constexpr int kBorder = DepthFieldLevel::kBorder;
   const int width = job.layout.levels[level].width, height = job.layout.levels[level].height;
-  const int blocks_wide = (width + 2 * kBorder + job.rim.wide - 1) / job.rim.wide;
+  const int blocks_wide = (width + 2 * kBorder + tiling.wide - 1) / tiling.wide;
   const int number = block - job.first_rim_block[level];
   const int going_on = job.going_on, reach = going_on + 1;
-  const RimSpans us(number % blocks_wide * job.rim.wide - kBorder, job.rim.wide, width, reach);
-  const RimSpans vs(number / blocks_wide * job.rim.high - kBorder, job.rim.high, height, reach);
+  const RimSpans us(number % blocks_wide * tiling.wide - kBorder, tiling.wide, width, reach);
+  const RimSpans vs(number / blocks_wide * tiling.high - kBorder, tiling.high, height, reach);
   const one_lane::RuleLevel& rules = rims.levels[level];
   const std::ptrdiff_t origin = job.layout.origin(level);
   // Pixels outside of the image: the outermost surface going on, for a few pixels or without end,
