@@ -13,7 +13,6 @@
 namespace palpate { inline namespace v0 { namespace {
 
 constexpr int kReach = DepthFieldLevel::kSilhouetteReach;
-constexpr int kRimThreads = 256, kRimWarps = kRimThreads / gpu::kWarpSize;
 constexpr int kWordBits = gpu::kWarpSize;
 
 /// Columns or rows [begin, end).

@@ -14,25 +14,31 @@
 
 namespace palpate { inline namespace v0 { namespace {
 
-// Blocks that share the registers of a multiprocessor; older ones have no room for five.
+// Threads that share the registers of a multiprocessor; older ones have no room for as many.
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ < 800
-constexpr int kRimBlocks = 4;
+constexpr int kRimThreadsAtOnce = 1024;
 #else
-constexpr int kRimBlocks = 5;
+constexpr int kRimThreadsAtOnce = 1280;
 #endif
 
-/// Constants of all levels.
+/// Constants of all levels, and those of a launch: [begin, end).
 struct RimLevels {
   one_lane::RuleLevel levels[DepthFieldView::kMaxLevels];
+  int begin, end;
 };
 
-/// Last kernel of a field: borders and silhouettes.
-__global__ void __launch_bounds__(kRimThreads, kRimBlocks)
+/// Last kernel of a field: borders and silhouettes. A block of `kRimThreads`.
+template <int kRimThreads>
+__global__ void __launch_bounds__(kRimThreads, kRimThreadsAtOnce / kRimThreads)
     find_silhouettes(const __grid_constant__ FieldJob job, const __grid_constant__ RimLevels rims) {
-  const int block = static_cast<int>(blockIdx.x) % job.num_rim_blocks();
-  const FieldArrays arrays = job.arrays_of(static_cast<int>(blockIdx.x) / job.num_rim_blocks());
+  constexpr int kRimWarps = kRimThreads / gpu::kWarpSize;
+  const int num_blocks = job.first_rim_block[rims.end] - job.first_rim_block[rims.begin];
+  const int image = static_cast<int>(blockIdx.x) / num_blocks;
+  const int block =
+      static_cast<int>(blockIdx.x) - image * num_blocks + job.first_rim_block[rims.begin];
+  const FieldArrays arrays = job.arrays_of(image);
   const int thread = static_cast<int>(threadIdx.x), lane = gpu::lane_id(), warp = gpu::warp_id();
-  int level = 0;
+  int level = rims.begin;
   while (block >= job.first_rim_block[level + 1]) ++level;
   const RimTiling& tiling = job.rims[level];
   const RimMemory shared(tiling);
