@@ -1,5 +1,5 @@
-// What noise does to the measures of a GPU, told by the host: FieldContact's own definition on the
-// same fields, which come off the GPU once a frame.
+// Noise of measures on a GPU, told by the host: FieldContact's own definition on the same fields,
+// which come off the GPU once a frame.
 #pragma once
 
 #include <deque>

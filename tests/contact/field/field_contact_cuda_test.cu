@@ -5,11 +5,9 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/cloud/surface_estimator.h"
-#include "src/cloud/internal/surface_cuda.h"
+#include "src/cloud/internal/frame_noise.h"
 #include "src/contact/cuda/gpu_field.h"
 #include "src/core/internal/stamp.h"
-#include "src/field/depth_field_cuda.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/cuda_queries.h"
 #include "tests/test_util/frozen_field.h"
@@ -366,77 +364,45 @@ TEST(FieldContactCuda, BlendsTwoFieldsAsTwoMeasuresWould) {
   EXPECT_EQ(whole.num_inside_spheres, 0);
 }
 
-// A frame at the origin and the next one, made on both sides: the host tells the noise of surfaces
-// that lie on a GPU, of a blend and of two cameras.
-TEST(FieldContactCuda, SaysTheNoiseOfTheCpuAgainstSurfacesMadeOnTheGpu) {
+// The host tells the noise of fields that lie on a GPU, of one frame, of a blend, and of two
+// cameras.
+TEST(FieldContactCuda, SaysTheNoiseOfTheCpu) {
   PALPATE_GPU_OR_SKIP();
-  const Intrinsics k{84, 84, 47.5, 35.5};
-  SurfaceOptions options;
-  options.filter.smoothing = Smoothing::adaptive;
   const DepthFieldOptions apart{.unknown = UnknownSpace::blocked};
-  struct Frame {
-    SurfaceEstimator estimator;
-    DepthField field, seen_free;
-    SurfaceCuda estimator_cuda;
-    DepthFieldCuda field_cuda, seen_free_cuda;
-    SurfaceView on_cpu, on_gpu;
-  };
+  const FrozenField fields[] = {FrozenField(rough_wall(1)), FrozenField(rough_wall(2))};
+  const FrozenField seen_free[] = {FrozenField(rough_wall(1), apart),
+                                   FrozenField(rough_wall(2), apart)};
   gpu::Stream stream(0, gpu::Priority::low);
-  gpu::Memory memory(0);
-  ThreadPool pool(1);
-  Random random(1);
-  std::vector<Frame> frames;
-  for (int number = 0; number < 2; ++number) {
-    frames.push_back({SurfaceEstimator::create(kWidth, kHeight, k, options).value(),
-                      DepthField::create(kWidth, kHeight).value(),
-                      DepthField::create(kWidth, kHeight, apart).value(),
-                      std::move(SurfaceCuda::create(kWidth, kHeight, k, options, 0).value()),
-                      std::move(DepthFieldCuda::create(kWidth, kHeight, {}, 0).value()),
-                      std::move(DepthFieldCuda::create(kWidth, kHeight, apart, 0).value()),
-                      {},
-                      {}});
-    Frame& frame = frames.back();
-    std::vector<float> depth;
-    for (int i = 0; i < kWidth * kHeight; ++i) {
-      depth.push_back(static_cast<float>(0.6 + 0.002 * random.normal()));
-    }
-    frame.estimator.update(depth, pool);
-    frame.estimator_cuda.enqueue_depth(stream, memory.copy_of(depth));
-    for (const bool on_gpu : {false, true}) {
-      SurfaceView& view = on_gpu ? frame.on_gpu : frame.on_cpu;
-      view.cloud = on_gpu ? frame.estimator_cuda.cloud() : frame.estimator.cloud();
-      if (on_gpu) {
-        frame.field_cuda.enqueue(view.cloud, stream);
-        frame.seen_free_cuda.enqueue(view.cloud, stream);
-        ASSERT_TRUE(stream.wait());
-      } else {
-        frame.field.update(view.cloud, pool);
-        frame.seen_free.update(view.cloud, pool);
-      }
-      view.field = on_gpu ? frame.field_cuda.view() : frame.field.view();
-      view.seen_free = on_gpu ? frame.seen_free_cuda.view() : frame.seen_free.view();
-      view.role = SurfaceRole::one_of_several;
-    }
+  GpuFields copies(0), copies_of_free(0);
+  const FrameNoise noise[] = {frame_noise({.at_zero = 0.001}), frame_noise({.growth = 0.003})};
+  SurfaceView on_cpu[2], on_gpu[2];
+  for (int i = 0; i < 2; ++i) {
+    on_cpu[i].field = fields[i].surface().field;
+    on_cpu[i].field.noise = &noise[i];
+    on_cpu[i].seen_free = seen_free[i].surface().field;
+    on_cpu[i].role = SurfaceRole::one_of_several;
+    on_gpu[i] = on_cpu[i];
+    on_gpu[i].field = copies.on_gpu(on_cpu[i].field, stream);
+    on_gpu[i].seen_free = copies_of_free.on_gpu(on_cpu[i].seen_free, stream);
   }
+  ASSERT_TRUE(stream.wait());
   const Tool tool = test::random_tool(400, 0.05, 6);
   test::ContactQueries cpu(tool), gpu = test::cuda_queries(tool);
+  Random random(1);
   const Pose X_WT{{0.01, 0, 0.61}, random.rotation(1.0)};
-  const ContactWants wants{.noise = true};
-  const auto noise = [&](test::ContactQueries& queries, SurfaceView Frame::*view, int num,
-                         double alpha) {
-    const SurfaceBlend both[] = {{frames[0].*view, frames[1].*view, alpha},
-                                 {frames[1].*view, frames[1].*view, 1}};
-    const auto result =
-        queries.by(kOwn).measure({both, static_cast<std::size_t>(num)}, X_WT, wants);
+  const auto said = [&](test::ContactQueries& queries, const SurfaceView(&views)[2],
+                        std::size_t num, double alpha) {
+    const SurfaceBlend cameras[] = {{views[0], views[1], alpha}, {views[1], views[1], 1}};
+    const ContactResult result = queries.by(kOwn).measure({cameras, num}, X_WT, {.noise = true});
     EXPECT_GT(result.penetration.volume, 0);
     EXPECT_TRUE(result.noise);
     return result.noise.value_or(MeasureNoise{});
   };
-  for (const int num : {1, 2}) {
+  for (const std::size_t num : {1, 2}) {
     for (const double alpha : {1.0, 0.3}) {
       SCOPED_TRACE(testing::Message() << num << " cameras, " << alpha);
-      const MeasureNoise want = noise(cpu, &Frame::on_cpu, num, alpha);
-      const MeasureNoise got = noise(gpu, &Frame::on_gpu, num, alpha);
+      const MeasureNoise want = said(cpu, on_cpu, num, alpha);
+      const MeasureNoise got = said(gpu, on_gpu, num, alpha);
       EXPECT_GT(want.volume, 0);
       EXPECT_EQ(std::memcmp(&got, &want, sizeof got), 0);
     }

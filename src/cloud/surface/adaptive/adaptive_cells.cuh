@@ -1,5 +1,5 @@
-// What the kernels of the adaptive filter do with single cells, of arrays in the GPU's memory or in
-// a block's shared one, and the noise of an image from the counts of its details.
+// Steps of the adaptive filter on a GPU for single cells, of arrays in its memory or in a block's
+// shared one, and the noise of an image from the counts of its details.
 #pragma once
 
 #include <cstddef>
@@ -148,7 +148,7 @@ __device__ void count_in_warp(const Counts& counts, int found) {
   }
 }
 
-/// What a block needs to find the noise of an image.
+/// Numbers on the way from the counts of an image to its noise, shared by a block.
 struct NoiseShared {
   DetailNoise by_depth[kNumScales][kDepths];
   double terms[NoiseCurve::kNumSums][kDepths], sums[NoiseCurve::kNumSums];

@@ -193,9 +193,9 @@ __global__ void __launch_bounds__(kSmallThreads, kSmallBlocks)
 
 /// Are two images at a time in a multiprocessor's shared memory?
 inline bool fits_a_block(const LevelsCuda& levels, int gpu) {
-  constexpr std::size_t kMostBytes = 112 << 10;
+  constexpr std::size_t kMaxBytes = 112 << 10;
   const std::size_t bytes = small_bytes(levels);
-  return bytes <= kMostBytes &&
+  return bytes <= kMaxBytes &&
          gpu::resident_blocks(gpu, reinterpret_cast<const void*>(smooth_small_images),
                               kSmallThreads, bytes) > 0;
 }
