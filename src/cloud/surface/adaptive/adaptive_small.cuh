@@ -28,7 +28,7 @@ inline std::size_t small_bytes(const LevelsCuda& levels) {
 }
 
 /// Calls f(u, v, number) for the cells of a level: a warp has rows, a lane columns. `is_even`: also
-/// for those beyond an odd end that wider cells have.
+/// for those of wider cells that lie beyond an odd end.
 template <class F>
 __device__ void for_cells(const LevelCuda& level, const F& f, bool is_even = false) {
   const int width = level.width + (is_even ? level.width % 2 : 0);
@@ -171,14 +171,15 @@ __global__ void __launch_bounds__(kSmallThreads, kSmallBlocks)
   for (int number = kNumScales - 1; number >= 0; --number) {
     __syncthreads();
     const LevelCuda &level = levels[number], &wider = levels[number + 1];
-    // The widest cells stay as they are. Cells beyond the image have no surface by kUnknown.
+    // The widest cells stay as they are. Cells beyond the image have no surface, by kUnknown or, at
+    // odd ends, by their wider cell, which has none.
     const float* const from = number == kNumScales - 1 ? mean : work;
     for_cells(wider, [&](int u, int v, int at) {
       predict_cells(from + at, wider.stride, number + 1, work + level.at(2 * u, 2 * v),
                     level.stride);
     });
     __syncthreads();
-    const auto smooth = [&](int u, int v, int at) {
+    for_cells(level, [&](int u, int v, int at) {
       const float result = smoothed_at(number, mean + at, predicted + at, level.stride, work[at],
                                        energy[at], noise[number]);
       if (number > 0) {
@@ -186,8 +187,7 @@ __global__ void __launch_bounds__(kSmallThreads, kSmallBlocks)
       } else {
         depth[v * level.width + u] = result > 0 ? 1.0f / result : kNotMeasured;
       }
-    };
-    for_cells(level, smooth, number > 0);
+    });
   }
 }
 
