@@ -214,7 +214,13 @@ __device__ inline void fit_noise(NoiseShared& shared) {
     NoiseCurve curve;
 #pragma unroll
     for (int k = 0; k < NoiseCurve::kNumSums; ++k) curve.sums[k] = shared.sums[k];
-    if (!curve.is_empty()) before = curve.fitted();
+    const double own = curve.quotient(lane % NoiseCurve::kNumQuotients);
+    double quotients[NoiseCurve::kNumQuotients];
+#pragma unroll
+    for (int k = 0; k < NoiseCurve::kNumQuotients; ++k) {
+      quotients[k] = __shfl_sync(gpu::kWholeWarp, own, k);
+    }
+    if (!curve.is_empty()) before = curve.fitted(quotients);
     if (lane == 0) shared.noise[level] = before;
     __syncwarp();
   }

@@ -8,7 +8,8 @@ namespace one_lane { namespace {
 
 constexpr int kTileSide = 1 << kNumScales;  // pixels
 static_assert(kTileSide == kTileWidth);
-constexpr int kAdaptiveThreads = 256, kAdaptiveWarps = kAdaptiveThreads / gpu::kWarpSize;
+constexpr int kAdaptiveThreads = 512, kAdaptiveWarps = kAdaptiveThreads / gpu::kWarpSize;
+constexpr int kAdaptiveBlocks = 3;   // at a time on a multiprocessor
 constexpr int kMargin = 2 * kReach;  // cells, of a level
 
 /// Number of the first cell of a level among those of a tile, which are counted level by level.
@@ -41,7 +42,7 @@ struct BeginShared {
 };
 
 /// Reads the raw frame; makes level 0 of it, and all wider ones.
-__global__ void __launch_bounds__(kAdaptiveThreads)
+__global__ void __launch_bounds__(kAdaptiveThreads, kAdaptiveBlocks)
     begin_scales(const __grid_constant__ FilterJob filter,
                  const __grid_constant__ AdaptiveJob job) {
   BeginShared& shared = gpu::shared_memory<BeginShared>();
@@ -106,6 +107,9 @@ __global__ void __launch_bounds__(kAdaptiveThreads)
   }
 }
 
+constexpr int kPredictThreads = 384, kPredictWarps = kPredictThreads / gpu::kWarpSize;
+static_assert(kTileCells - first_cell(1) <= kPredictThreads && kNumRows <= kPredictThreads);
+
 struct PredictShared {
   std::uint32_t seen[kNumScales];
   int is_last;
@@ -114,7 +118,7 @@ struct PredictShared {
 
 /// Predicts all levels from the next wider ones and counts the details. The last block of an image
 /// finds its noise.
-__global__ void __launch_bounds__(kAdaptiveThreads)
+__global__ void __launch_bounds__(kPredictThreads, kAdaptiveBlocks)
     predict_scales(const __grid_constant__ AdaptiveJob job) {
   PredictShared& shared = gpu::shared_memory<PredictShared>();
   const ScaleTile tile(job);
@@ -133,27 +137,22 @@ __global__ void __launch_bounds__(kAdaptiveThreads)
     const std::uint32_t bit = 1u << (row - level * kDepths);
     if ((gpu::read_now(shared.seen + level) & bit) == 0) atomicOr(shared.seen + level, bit);
   };
-  constexpr int kFirst = first_cell(1), kRounds = (kTileCells - kFirst - 1) / kAdaptiveThreads + 1;
-  for (int round = 0; round < kRounds; ++round) {
-    const int cell = kFirst + round * kAdaptiveThreads + thread;
-    int wider = 1;
-    while (wider < kNumScales && cell >= first_cell(wider + 1)) ++wider;
-    const int number = wider - 1, shift = kNumScales - wider, rest = cell - first_cell(wider);
-    const int u = tile.u(wider) + (rest & ((1 << shift) - 1)), v = tile.v(wider) + (rest >> shift);
-    const LevelCuda &coarse = job.levels[wider], &fine = job.levels[number];
-    const bool is_inside = cell < kTileCells && u < coarse.width && v < coarse.height;
-    const int at = fine.at(2 * u, 2 * v);
-    if (is_inside) {
-      predict_cells(means + coarse.at(u, v), coarse.stride, wider, predictions + at, fine.stride);
-    }
-    const int step = count_step(number);  // 4, 2 or 1
-    count(number, is_inside && (step < 4 || (u % 2 == 0 && v % 2 == 0)) ? at : -1);
-    if (round == 0) continue;  // level 0
-    for (const int next : {1, fine.stride, fine.stride + 1}) {
-      count(number, is_inside && step == 1 ? at + next : -1);
-    }
+  const int cell = first_cell(1) + thread;
+  int wider = 1;
+  while (wider < kNumScales && cell >= first_cell(wider + 1)) ++wider;
+  const int number = wider - 1, shift = kNumScales - wider, rest = cell - first_cell(wider);
+  const int u = tile.u(wider) + (rest & ((1 << shift) - 1)), v = tile.v(wider) + (rest >> shift);
+  const LevelCuda &coarse = job.levels[wider], &fine = job.levels[number];
+  const bool is_inside = cell < kTileCells && u < coarse.width && v < coarse.height;
+  const int at = fine.at(2 * u, 2 * v);
+  if (is_inside) {
+    predict_cells(means + coarse.at(u, v), coarse.stride, wider, predictions + at, fine.stride);
   }
-  static_assert(first_cell(2) - kFirst == kAdaptiveThreads);
+  const int step = count_step(number);  // 4, 2 or 1
+  count(number, is_inside && (step < 4 || (u % 2 == 0 && v % 2 == 0)) ? at : -1);
+  for (const int next : {1, fine.stride, fine.stride + 1}) {
+    count(number, is_inside && step == 1 ? at + next : -1);
+  }
   __syncthreads();
   if (thread < kNumScales && (shared.seen[thread] & ~gpu::read_now(all_seen + thread)) != 0) {
     atomicOr(all_seen + thread, shared.seen[thread]);
@@ -162,16 +161,24 @@ __global__ void __launch_bounds__(kAdaptiveThreads)
   const auto num_tiles = static_cast<unsigned>(widest.width * widest.height);
   if (!gpu::is_last_block(job.num_done + tile.image, &shared.is_last, num_tiles)) return;
 
-  for (int row = gpu::warp_id(); row < kNumRows; row += kAdaptiveWarps) {
-    if ((gpu::read_now(all_seen + row / kDepths) >> row % kDepths & 1) == 0) {
-      if (lane == 0) shared.noise.by_depth[row / kDepths][row % kDepths] = {};
-      continue;
+  if (thread < kNumScales) {
+    shared.seen[thread] = gpu::read_now(all_seen + thread);
+    all_seen[thread] = 0;  // for the next image
+  }
+  if (thread < kNumRows) shared.noise.by_depth[thread / kDepths][thread % kDepths] = {};
+  __syncthreads();
+  // The rows that have counts, by turns.
+  int turn = gpu::warp_id();
+  for (int level = 0; level < kNumScales; ++level) {
+    for (unsigned left = shared.seen[level]; left != 0; left &= left - 1) {
+      if (turn-- != 0) continue;
+      turn = kPredictWarps - 1;
+      const int row = level * kDepths + __ffs(static_cast<int>(left)) - 1;
+      find_depth_noise(counts, row, shared.noise);
+      for (int i = lane; i < kSizes; i += gpu::kWarpSize) counts.words[row * kSizes + i] = 0;
     }
-    find_depth_noise(counts, row, shared.noise);
-    for (int i = lane; i < kSizes; i += gpu::kWarpSize) counts.words[row * kSizes + i] = 0;
   }
   __syncthreads();
-  if (thread < kNumScales) all_seen[thread] = 0;  // for the next image
   if (gpu::warp_id() != 0) return;
   fit_noise(shared.noise);
   if (lane < kNumScales) job.noise[tile.image * kNumScales + lane] = shared.noise.noise[lane];
@@ -189,7 +196,7 @@ struct EnergyShared {
 };
 
 /// The energy of all levels, with that of the finer and the wider ones.
-__global__ void __launch_bounds__(kAdaptiveThreads)
+__global__ void __launch_bounds__(kAdaptiveThreads, kAdaptiveBlocks)
     find_energies(const __grid_constant__ AdaptiveJob job) {
   EnergyShared& shared = gpu::shared_memory<EnergyShared>();
   const ScaleTile tile(job);
@@ -268,7 +275,7 @@ struct SmoothShared {
 static_assert(smoothed_side(1) < smoothed_side(0));
 
 /// Smooths all levels, from the widest on. What tiles need of their neighbors, they make, too.
-__global__ void __launch_bounds__(kAdaptiveThreads)
+__global__ void __launch_bounds__(kAdaptiveThreads, kAdaptiveBlocks)
     smooth_scales(const __grid_constant__ FilterJob filter,
                   const __grid_constant__ AdaptiveJob job) {
   SmoothShared& shared = gpu::shared_memory<SmoothShared>();
@@ -378,13 +385,14 @@ void AdaptiveCuda::enqueue(gpu::Stream& stream, const one_lane::FilterJob& filte
     return;
   }
   const LevelCuda& widest = job_.levels[kNumScales];
-  const auto tiles = [&](std::size_t shared_bytes) {
+  const auto tiles = [&](std::size_t shared_bytes, int threads = one_lane::kAdaptiveThreads) {
     return gpu::LaunchShape{.blocks = num_images * widest.width * widest.height,
-                            .threads = one_lane::kAdaptiveThreads,
+                            .threads = threads,
                             .shared_bytes = shared_bytes};
   };
   gpu::launch(stream, tiles(sizeof(one_lane::BeginShared)), one_lane::begin_scales, filter, job_);
-  gpu::launch(stream, tiles(sizeof(one_lane::PredictShared)), one_lane::predict_scales, job_);
+  gpu::launch(stream, tiles(sizeof(one_lane::PredictShared), one_lane::kPredictThreads),
+              one_lane::predict_scales, job_);
   gpu::launch(stream, tiles(sizeof(one_lane::EnergyShared)), one_lane::find_energies, job_);
   gpu::launch(stream, tiles(sizeof(one_lane::SmoothShared)), one_lane::smooth_scales, filter, job_);
 }

@@ -82,19 +82,31 @@ struct NoiseCurve {
     for (int k = 0; k < kNumSums; ++k) sums[k] += other.sums[k];
   }
   PALPATE_HOSTDEV bool is_empty() const { return sums[0] <= 0; }
-  /// Returns the curve of least squares; neither number is negative.
-  PALPATE_HOSTDEV ScaleNoise fitted() const {
+  /// Returns one of four quotients: the growth without a base, base and growth, the base without a
+  /// growth. The lanes of a GPU share them.
+  static constexpr int kNumQuotients = 4;
+  PALPATE_HOSTDEV double quotient(int which) const {
     const double w = sums[0], q = sums[1], qq = sums[2], y = sums[3], qy = sums[4];
-    const double determinant = w * qq - q * q;
-    double base = 0, growth = qy / qq;
-    if (determinant > 1e-9 * w * qq) {
-      base = (y * qq - qy * q) / determinant;
-      growth = (w * qy - q * y) / determinant;
-      if (base < 0) base = 0, growth = qy / qq;
-      if (growth < 0) growth = 0, base = y / w;
+    const double above = which == 0   ? qy
+                         : which == 1 ? y * qq - qy * q
+                         : which == 2 ? w * qy - q * y
+                                      : y;
+    return above / (which == 0 ? qq : which == 3 ? w : determinant());
+  }
+  /// Returns the curve of least squares; neither number is negative.
+  PALPATE_HOSTDEV ScaleNoise fitted(const double (&quotients)[kNumQuotients]) const {
+    double base = 0, growth = quotients[0];
+    if (determinant() > 1e-9 * sums[0] * sums[2]) {
+      base = quotients[1];
+      growth = quotients[2];
+      if (base < 0) base = 0, growth = quotients[0];
+      if (growth < 0) growth = 0, base = quotients[3];
     }
     return {static_cast<float>(base), static_cast<float>(growth)};
   }
+
+ private:
+  PALPATE_HOSTDEV double determinant() const { return sums[0] * sums[2] - sums[1] * sums[1]; }
 };
 
 /// Returns the noise of a depth at a level: at most a few times that of the finer ones, `before`

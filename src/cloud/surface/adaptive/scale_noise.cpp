@@ -42,7 +42,9 @@ std::array<ScaleNoise, kNumScales> noise_of(const std::array<DetailCounts, kNumS
       if (most[z] < sd) most[z] = sd;
       curve.add(NoiseCurve::of(noise.z, sd, noise.num));
     }
-    result[at] = curve.is_empty() ? before : curve.fitted();
+    double quotients[NoiseCurve::kNumQuotients];
+    for (int k = 0; k < NoiseCurve::kNumQuotients; ++k) quotients[k] = curve.quotient(k);
+    result[at] = curve.is_empty() ? before : curve.fitted(quotients);
   }
   return result;
 }
