@@ -271,10 +271,13 @@ struct SmoothShared {
 
   alignas(16) float cells[2][smoothed_side(0) * smoothed_side(0)];
   float mean[kStride * kStride], predicted[kStride * kStride];
+  int num_kept;
+  std::uint16_t kept[smoothed_side(0) * smoothed_side(0)];
 };
 static_assert(smoothed_side(1) < smoothed_side(0));
 
 /// Smooths all levels, from the widest on. What tiles need of their neighbors, they make, too.
+/// Cells whose details are kept are put on a list, so that full warps take the means around them.
 __global__ void __launch_bounds__(kAdaptiveThreads, kAdaptiveBlocks)
     smooth_scales(const __grid_constant__ FilterJob filter,
                   const __grid_constant__ AdaptiveJob job) {
@@ -315,25 +318,49 @@ __global__ void __launch_bounds__(kAdaptiveThreads, kAdaptiveBlocks)
       predict_cells(wider + (y + border) * wider_side + x + border, wider_side, number + 1,
                     smoothed + 2 * (y * side + x), side);
     }
+    if (thread == 0) shared.num_kept = 0;
     __syncthreads();
-    for (int i = thread; i < side * side; i += kAdaptiveThreads) {
+    // Smooths cell i, or leaves it to the list.
+    const auto smooth = [&](int i, bool is_listed) {
       const int x = i % side, y = i / side;
       const int u = tile.u(number) - reach + x, v = tile.v(number) - reach + y;
       const bool is_inside = u >= 0 && v >= 0 && u < level.width && v < level.height;
       const int at = level.at(u, v), near = (y + kReach) * stride + x + kReach;
       const float* const mean = number == 0 ? shared.mean + near : means + at;
       const float* const predicted = number == 0 ? shared.predicted + near : predictions + at;
-      const float result =
-          is_inside ? smoothed_at(number, mean, predicted, number == 0 ? stride : level.stride,
-                                  smoothed[i], job.energy[first + at], noise)
-                    : 0.0f;
+      float result = 0;
+      if (is_inside) {
+        const float energy = job.energy[first + at];
+        float detail = *mean - *predicted;
+        if (is_listed) {
+          detail = calm_detail(number, mean, predicted, number == 0 ? stride : level.stride, noise);
+        } else if (number < kCalmLevels && is_kept(*mean, *predicted, energy)) {
+          return true;
+        }
+        result = smoothed_cell(*mean, detail, *predicted, smoothed[i], energy, noise);
+      }
       if (number > 0) {
         smoothed[i] = result;
       } else if (is_inside) {
         depth[static_cast<std::ptrdiff_t>(v) * level.width + u] =
             result > 0 ? 1.0f / result : kNotMeasured;
       }
+      return false;
+    };
+    for (int begin = 0; begin < side * side; begin += kAdaptiveThreads) {
+      const int i = begin + thread;
+      const bool is_left = i < side * side && smooth(i, false);
+      const unsigned left = __ballot_sync(gpu::kWholeWarp, is_left);
+      if (left == 0) continue;
+      int place = 0;
+      if (gpu::lane_id() == 0) place = atomicAdd(&shared.num_kept, __popc(left));
+      place = __shfl_sync(gpu::kWholeWarp, place, 0);
+      const unsigned before = left & ((1u << gpu::lane_id()) - 1);
+      if (is_left) shared.kept[place + __popc(before)] = static_cast<std::uint16_t>(i);
     }
+    if (number >= kCalmLevels) continue;
+    __syncthreads();
+    for (int k = thread; k < shared.num_kept; k += kAdaptiveThreads) smooth(shared.kept[k], true);
   }
 }
 static_assert(smoothed_side(0) / 2 * (smoothed_side(0) / 2) <= kAdaptiveThreads);
