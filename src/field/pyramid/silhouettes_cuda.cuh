@@ -64,6 +64,12 @@ __global__ void __launch_bounds__(kRimThreads, kRimThreadsAtOnce / kRimThreads)
   if (thread < 2) shared.num_listed[thread] = 0;
   if (thread == 0) *shared.has_edge = 0;
   const int planes_wide = us.planes.size(), num_planes = planes_wide * vs.planes.size();
+  const auto set_plane = [&](int i, const TangentPlane& plane) {
+    shared.planes[i] = plane;
+    shared.depths[i] = one_lane::surface_depth({plane.offset, plane.slope});
+  };
+  const bool has_lines = going_on > 0 && !is_endless && BeyondSpan::has_line(us.planes, width) &&
+                         BeyondSpan::has_line(vs.planes, height);
   const int step_rows = kRimThreads / planes_wide, step_columns = kRimThreads % planes_wide;
   for (int i = thread, row = thread / planes_wide, column = thread % planes_wide; i < num_planes;
        i += kRimThreads) {
@@ -74,11 +80,38 @@ __global__ void __launch_bounds__(kRimThreads, kRimThreadsAtOnce / kRimThreads)
     if (is_endless || is_inside(u, v)) {
       plane = arrays.planes[origin + clamped_to(v, 0, height - 1) * job.layout.stride +
                             clamped_to(u, 0, width - 1)];
-    } else if (is_shown(u, v)) {
+    } else if (!has_lines && is_shown(u, v)) {
       plane = plane_beyond(arrays.planes + origin, job.layout.stride, width, height, u, v, level);
     }
-    shared.planes[i] = plane;
-    shared.depths[i] = one_lane::surface_depth({plane.offset, plane.slope});
+    set_plane(i, plane);
+  }
+  if (has_lines) {
+    // Rows go on beyond the image, and then columns do, as in plane_beyond.
+    const BeyondSpan beyond_u(us.planes, width, going_on), beyond_v(vs.planes, height, going_on);
+    const auto go_on = [&](int i, int step, int from) {
+      TangentPlane line[GoingOn::kNum];
+      for (int k = 0; k < GoingOn::kNum; ++k) line[k] = shared.planes[i + k * step];
+      return GoingOn(line, level).at(from);
+    };
+    const Span rows{vs.planes.begin > 0 ? vs.planes.begin : 0,
+                    vs.planes.end < height ? vs.planes.end : height};
+    __syncthreads();
+    for (int i = thread; i < rows.size() * beyond_u.num(); i += kRimThreads) {
+      const int row = i / beyond_u.num();
+      const BeyondSpan::Pixel at = beyond_u.at(i - row * beyond_u.num());
+      const int first = (rows.begin + row - vs.planes.begin) * planes_wide - us.planes.begin;
+      set_plane(first + at.place, go_on(first + at.last, at.inwards, at.from));
+    }
+    const Span columns{us.planes.begin > -going_on ? us.planes.begin : -going_on,
+                       us.planes.end < width + going_on ? us.planes.end : width + going_on};
+    __syncthreads();
+    for (int i = thread; i < columns.size() * beyond_v.num(); i += kRimThreads) {
+      const int row = i / columns.size();
+      const BeyondSpan::Pixel at = beyond_v.at(row);
+      const int column = columns.begin + i - row * columns.size() - us.planes.begin;
+      const auto in_column = [&](int v) { return (v - vs.planes.begin) * planes_wide + column; };
+      set_plane(in_column(at.place), go_on(in_column(at.last), at.inwards * planes_wide, at.from));
+    }
   }
   __syncthreads();
   const auto row_of = [&](int v) {
