@@ -20,6 +20,7 @@ struct Span {
   int begin, end;
 
   __device__ int size() const { return end - begin; }
+  __device__ bool has(int at) const { return at >= begin && at < end; }
 };
 
 __device__ inline int clamped_to(int value, int least, int most) {

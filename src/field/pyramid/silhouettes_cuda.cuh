@@ -173,11 +173,21 @@ __global__ void __launch_bounds__(kRimThreads, kRimThreadsAtOnce / kRimThreads)
         if (!is_inside(u, v)) {
           const RulePlane plane = pixel_at(u, v).plane;
           arrays.planes[at] = {plane.offset, plane.slope};
-          if (is_shown(u, v) && !is_within(u, v, going_on - 1)) {
-            join_tiles(job, arrays.tiles, level, u, v, arrays.planes[at]);
-          }
         }
       }
+    }
+    if (going_on == 0) return;
+    // The outermost pixels of a surface that goes on bound the tiles: all around the image.
+    const int wide = width + 2 * going_on, high = height + 2 * going_on;
+    for (int i = thread; i < 2 * (wide + high - 2); i += kRimThreads) {
+      const bool is_row = i < 2 * wide;
+      const int size = is_row ? wide : high - 2, along = is_row ? i : i - 2 * wide;
+      const int side = along < size ? 0 : 1, at = along - side * size;
+      const int u = (is_row ? at : side * (wide - 1)) - going_on;
+      const int v = (is_row ? side * (high - 1) : 1 + at) - going_on;
+      if (!us.tile.has(u) || !vs.tile.has(v)) continue;
+      const RulePlane plane = pixel_at(u, v).plane;
+      join_tiles(job, arrays.tiles, level, u, v, {plane.offset, plane.slope});
     }
   };
 
