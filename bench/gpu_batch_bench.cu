@@ -232,6 +232,9 @@ void run() {
 
   // One small image per pose, 128 different ones.
   Sensor small = value_or_stop(Sensor::create(camera_of(64, 64), Place::cuda(options.gpu)));
+  Sensor bilateral =
+      value_or_stop(Sensor::create(camera_of(64, 64), Place::cuda(options.gpu),
+                                   {.surface = {.filter = {.smoothing = Smoothing::bilateral}}}));
   const std::vector<float> some = wall_images(64, 64, 128);
   std::vector<std::uint16_t> counts;
   for (int i = 0; i < options.num_poses; ++i) {
@@ -245,14 +248,19 @@ void run() {
   const DepthImageView images{64, 64, memory.copy_of(counts), 0.001, options.gpu};
   if (const Status status = small.reserve_batch(options.num_poses); !status) stop(status.error());
   SurfaceBatch fields;
-  const auto update = [&] {
-    fields = small.update_batch(images, options.num_poses, CallerStream{stream.handle()});
-    if (!small.status()) stop(small.status().error());
+  const auto measure_frames = [&](Sensor& sensor, const std::string& how) {
+    const auto update = [&] {
+      fields = sensor.update_batch(images, options.num_poses, CallerStream{stream.handle()});
+      if (!sensor.status()) stop(sensor.status().error());
+    };
+    update();
+    measure(
+        "frames: " + std::to_string(options.num_poses) + " of 64x64; raw counts to fields" + how,
+        options.num_poses, stream, update);
+    stream.wait();
   };
-  update();
-  measure("frames: " + std::to_string(options.num_poses) + " of 64x64; raw counts to fields",
-          options.num_poses, stream, update);
-  stream.wait();
+  measure_frames(bilateral, "; bilateral");
+  measure_frames(small, "");
 
   for (const Where where : {Where::surface, Where::view}) {
     measure_poses(100, fields, "each its own 64x64 field", where, false);

@@ -161,6 +161,40 @@ void measure_bodies(int num_spheres) {
   }
 }
 
+// Standard deviations against a surface made on the GPU: the first query of a frame takes its field
+// to the host, which tells them.
+void measure_noise(int num_spheres) {
+  const std::string name = "std/spheres:" + std::to_string(num_spheres);
+  if (!is_requested(name)) return;
+  const WallFrame wall(640, 480);
+  auto sensor = value_or_stop(
+      Sensor::create({wall.width, wall.height, wall.intrinsics}, Place::cuda(options.gpu)));
+  const Tool& tool = cube_tool(num_spheres);
+  for (const Backend backend : {Backend::cuda, Backend::cpu}) {
+    const auto query =
+        value_or_stop(make_contact_query(backend, tool, FieldMethod{}, {.gpu = options.gpu}));
+    auto on_cpu =
+        value_or_stop(Sensor::create({wall.width, wall.height, wall.intrinsics}, Place::cpu()));
+    const std::vector<Pose> poses = random_poses(0.5);
+    std::vector<double> first, later, plain;
+    for (int frame = 0; frame < 50; ++frame) {
+      Sensor& used = backend == Backend::cuda ? sensor : on_cpu;
+      const SurfaceView surface = used.update(wall.image());
+      for (int i = 0; i < 40; ++i) {
+        const Pose& X_WT = poses[static_cast<std::size_t>(frame + i) % poses.size()];
+        const auto start = Clock::now();
+        const ContactResult result = query->measure(surface, X_WT, {.noise = i < 20});
+        (i == 0 ? first : i < 20 ? later : plain).push_back(microseconds_since(start));
+        if (i < 20 && !result.noise) stop({Errc::unavailable, "a query says no noise"});
+      }
+    }
+    const std::string on = backend == Backend::cuda ? "" : "/cpu";
+    rows->times(name + ": first query of a frame" + on, call_times(std::move(first)));
+    rows->times(name + ": other queries" + on, call_times(std::move(later)));
+    rows->times(name + ": the same without it" + on, call_times(std::move(plain)));
+  }
+}
+
 // Several cameras that see a wall: views of the field in host memory, copied once.
 void measure_hull(int num_spheres) {
   const Tool& tool = cube_tool(num_spheres);
@@ -427,6 +461,7 @@ void run(std::size_t num_gpus) {
   measure_self_filter();
   for (const int size : options.sizes) measure_queries(size);
   for (const int size : options.sizes) measure_bodies(size);
+  for (const int size : {1000, 17000}) measure_noise(size);
   for (const int size : {5000, 17000}) measure_hull(size);
   measure_sharing(640, 480);
   measure_sharing(1920, 1080);

@@ -254,9 +254,6 @@ void check(const CLI::App& app, QueryOptions& options) {
                 std::string(name_of(options.settings.contact.method)) +
                 " does not say what noise does to it");
   }
-  if (options.std && options.settings.backend == Backend::cuda) {
-    usage_error("query: --std is computed on a CPU: leave out --backend cuda");
-  }
   if (options.std && !options.views.cloud.empty()) {
     usage_error("query: --std goes with --depth: the noise of a cloud is unknown");
   }

@@ -1,6 +1,7 @@
 #include "src/field/depth_field_cuda.h"
 
 #include <algorithm>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -14,6 +15,9 @@
 
 namespace palpate { inline namespace v0 {
 namespace {
+
+/// Shared memory of ten blocks at a time on a multiprocessor.
+constexpr std::size_t kSmallRimBytes = 20 << 10;
 
 struct TakeScratch {
   SquareScratch square;
@@ -106,14 +110,17 @@ Result<DepthFieldCuda> DepthFieldCuda::create(int width, int height,
   const auto blocks_over = [](int size, int part) { return (size + part - 1) / part; };
   job.squares_wide = blocks_over(width, kSquare);
   job.squares_high = blocks_over(height, kSquare);
-  // One image alone needs many tiles to fill the GPU.
-  job.rim = num_at_once > 1 ? large_rim_tiles(job) : rim_tiling(job, 57, 16);
   constexpr int kBorders = 2 * DepthFieldLevel::kBorder;
   for (int level = 0; level < layout->num_levels; ++level) {
     const auto& image = layout->levels[level];
+    // One image alone needs many tiles to fill the GPU.
+    const RimTiling tiling =
+        num_at_once > 1 ? large_rim_tiles(job, level) : rim_tiling(job, level, 57, 16);
+    job.rims[level] = tiling;
+    if (num_at_once == 1 || tiling.shared_bytes > kSmallRimBytes) job.num_large_rims = level + 1;
     job.first_rim_block[level + 1] =
-        job.first_rim_block[level] + blocks_over(image.width + kBorders, job.rim.wide) *
-                                         blocks_over(image.height + kBorders, job.rim.high);
+        job.first_rim_block[level] + blocks_over(image.width + kBorders, tiling.wide) *
+                                         blocks_over(image.height + kBorders, tiling.high);
   }
   // Any field's arrays are as well aligned as the first one's.
   constexpr std::size_t kAligned = 64;
@@ -186,17 +193,30 @@ void DepthFieldCuda::enqueue(FieldJob job, const PointCloudView& cloud, int num,
   for (int level = 0; level < job.layout.num_levels; ++level) {
     rims.levels[level] = one_lane::rule_level(cloud.intrinsics, level);
   }
-  gpu::launch(stream,
-              {.blocks = num * job.num_rim_blocks(),
-               .threads = kRimThreads,
-               .shared_bytes = job.rim.shared_bytes},
-              find_silhouettes, job, rims);
+  const auto find = [&]<int kRimThreads>(std::integral_constant<int, kRimThreads>, int begin,
+                                         int end) {
+    if (begin == end) return;
+    rims.begin = begin;
+    rims.end = end;
+    std::size_t shared_bytes = 0;
+    for (int level = begin; level < end; ++level) {
+      shared_bytes = std::max(shared_bytes, job.rims[level].shared_bytes);
+    }
+    gpu::launch(stream,
+                {.blocks = num * (job.first_rim_block[end] - job.first_rim_block[begin]),
+                 .threads = kRimThreads,
+                 .shared_bytes = shared_bytes},
+                find_silhouettes<kRimThreads>, job, rims);
+  };
+  find(std::integral_constant<int, 256>{}, 0, job.num_large_rims);
+  find(std::integral_constant<int, 128>{}, job.num_large_rims, job.layout.num_levels);
   const FieldArrays& arrays = job_.arrays;
   view_ = job.layout.view(arrays.planes, arrays.silhouettes, arrays.near_silhouette, arrays.tiles,
                           options_);
   view_.intrinsics = cloud.intrinsics;
   view_.filled_behind = job.filled;
   view_.filled_stride = job.squares_wide;
+  view_.noise = cloud.noise;
   view_.gpu = memory_.gpu();
   view_.stamp = next_stamp();
 }

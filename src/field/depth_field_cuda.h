@@ -49,12 +49,12 @@ struct FieldJob {
   /// DepthFieldView::filled_behind: a word for each row of a square. Null: of many fields.
   std::uint32_t* filled = nullptr;
   int squares_wide = 0, squares_high = 0;
-  RimTiling rim;
+  RimTiling rims[DepthFieldView::kMaxLevels];
+  int num_large_rims = 0;  ///< levels whose tiles are for large blocks
   /// The first block that looks for silhouettes in a level; the last entry is their number.
   int first_rim_block[DepthFieldView::kMaxLevels + 1] = {};
 
   PALPATE_HOSTDEV int num_squares() const { return squares_wide * squares_high; }
-  PALPATE_HOSTDEV int num_rim_blocks() const { return first_rim_block[layout.num_levels]; }
   /// Arrays of field `number`; those that fill holes are shared by some fields at a time.
   PALPATE_HOSTDEV FieldArrays arrays_of(int number) const {
     const std::ptrdiff_t pixels = number * pixels_apart;

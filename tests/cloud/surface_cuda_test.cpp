@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "src/cloud/internal/frame_noise.h"
 #include "tests/cloud/depth_scenes.h"
 #include "tests/cloud/far_images.h"
 #include "tests/cloud/gpu_copies.h"
@@ -46,6 +47,10 @@ struct Pair {
     test::expect_same_bits(test::copy_to_host(stream, cuda.depth(), cpu.depth().size()),
                            cpu.depth().data(), "depth");
     test::expect_same_cloud(stream, cuda.cloud(), cpu.cloud());
+    const FrameNoise &got = *cuda.cloud().noise, &want = *cpu.cloud().noise;
+    EXPECT_TRUE(std::ranges::equal(got.base, want.base));
+    EXPECT_TRUE(std::ranges::equal(got.growth, want.growth));
+    EXPECT_EQ(got.is_whole, want.is_whole);
   }
 };
 

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "src/cloud/internal/frame_noise.h"
 #include "src/field/timeline/frame_slots.h"
 #include "tests/field/device_views.h"
 #include "tests/test_util/gpu.h"
@@ -75,7 +76,12 @@ void expect_same(const SurfaceView& got, const SurfaceView& want, gpu::Stream& s
   for (auto field : {&SurfaceView::field, &SurfaceView::seen_free, &SurfaceView::in_front,
                      &SurfaceView::remembered}) {
     ASSERT_EQ((got.*field).num_levels, (want.*field).num_levels);
-    if ((want.*field).num_levels > 0) test::expect_same_field(got.*field, want.*field, stream);
+    if ((want.*field).num_levels == 0) continue;
+    test::expect_same_field(got.*field, want.*field, stream);
+    ASSERT_NE((got.*field).noise, nullptr);
+    EXPECT_TRUE(std::ranges::equal((got.*field).noise->base, (want.*field).noise->base));
+    EXPECT_TRUE(std::ranges::equal((got.*field).noise->growth, (want.*field).noise->growth));
+    EXPECT_EQ((got.*field).noise->is_whole, (want.*field).noise->is_whole);
   }
 }
 

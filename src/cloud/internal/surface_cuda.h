@@ -52,7 +52,8 @@ class SurfaceCuda {
   /// The rows of its input that a part is the first to read.
   ImageRows input_rows(int part, int num_parts) const;
 
-  /// Arrays on the GPU, always the same ones; they hold a frame when its last part is done.
+  /// Arrays on the GPU, always the same ones, and the frame's noise in memory of the host, null in
+  /// a batch; they hold a frame when its last part is done.
   PointCloudView cloud() const;
   /// Planes of the points of all images of a batch, on the GPU.
   const TangentPlane* planes() const;

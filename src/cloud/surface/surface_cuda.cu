@@ -61,6 +61,7 @@ struct SurfaceCuda::Impl {
   FilterJob filter;
   std::optional<AdaptiveCuda> adaptive;
   NormalJob normals;
+  FrameNoise noise;  // unless the adaptive filter learns it
   std::size_t num_tiles;
 
   Impl(int image_width, int image_height, const Intrinsics& k, const SurfaceOptions& options,
@@ -105,8 +106,7 @@ SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
   std::fill(std::begin(filter.space), std::end(filter.space), 0.0f);
   std::ranges::copy(space_exponents(options.filter), filter.space);
   if (is_adaptive(options.filter)) {
-    adaptive.emplace(memory, width, height, std::max(num_images, 1), filter.depth,
-                     filter.tiling.points_apart);
+    adaptive.emplace(memory, width, height, num_images);
   }
 
   normals.tiling = filter.tiling;
@@ -126,6 +126,8 @@ SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
   cloud.view.edge_x = change[0];
   cloud.view.edge_y = change[1];
   cloud.view.edge_z = change[2];
+  noise = frame_noise(options.noise);
+  cloud.view.noise = adaptive && !is_known(options.noise) ? adaptive->noise() : &noise;
 }
 
 void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts,
@@ -139,37 +141,37 @@ void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts
         .shared_bytes = shared_bytes};
   };
   const bool is_last = part.part == part.num_parts - 1;
-  const ImageRows filtered = part.strips(1);
   // The adaptive filter smooths whole images, and normals follow it.
-  const ImageRows finished = !adaptive ? part.strips(0)
-                             : is_last ? ImageRows{0, part.num_strips}
-                                       : ImageRows{0, 0};
+  const ImageRows whole{0, is_last ? part.num_strips : 0};
+  const ImageRows filtered = adaptive ? whole : part.strips(1);
+  const ImageRows finished = adaptive ? whole : part.strips(0);
   PALPATE_ASSERT(filter.raw_pixels == nullptr || part.num_parts == 1);
+  FilterJob job = filter;
+  job.meters = meters;
+  if (counts != nullptr) job.raw.pixels = counts;
   if (filtered.begin < filtered.end) {
-    FilterJob job = filter;
-    job.meters = meters;
-    if (counts != nullptr) job.raw.pixels = counts;
     job.tiling.first_tile = filtered.begin * tiles_per_row;
     job.tiling.num_tiles = (filtered.end - filtered.begin) * tiles_per_row;
-    gpu::launch(stream, shape(filtered, sizeof(FilterShared)), filter_kernel(job), job);
+    if (adaptive) {
+      adaptive->enqueue(stream, job, std::max(num_images, 1));
+    } else {
+      gpu::launch(stream, shape(filtered, sizeof(FilterShared)), filter_kernel(job), job);
+    }
   }
-  if (is_last && adaptive) adaptive->enqueue(stream, std::max(num_images, 1));
   if (is_last) {
-    FilterJob job = filter;
-    job.meters = meters;
-    if (counts != nullptr) job.raw.pixels = counts;
+    job.tiling.first_tile = 0;
     job.tiling.num_tiles = part.num_strips * tiles_per_row;
     gpu::LaunchShape tiles = shape({0, part.num_strips}, sizeof(one_lane::FarShared));
     tiles.threads = one_lane::kFarThreads;
     gpu::launch(stream, tiles, one_lane::mark_far, job);
   }
   if (finished.begin < finished.end) {
-    NormalJob job = normals;
-    if (is_batch) job.planes = planes;
-    job.tiling.first_tile = finished.begin * tiles_per_row;
-    job.tiling.num_tiles = (finished.end - finished.begin) * tiles_per_row;
-    gpu::launch(stream, shape(finished, one_lane::normal_shared_bytes(job.pass)),
-                normal_kernel(job.pass), job);
+    NormalJob rest = normals;
+    if (is_batch) rest.planes = planes;
+    rest.tiling.first_tile = finished.begin * tiles_per_row;
+    rest.tiling.num_tiles = (finished.end - finished.begin) * tiles_per_row;
+    gpu::launch(stream, shape(finished, one_lane::normal_shared_bytes(rest.pass)),
+                normal_kernel(rest.pass), rest);
   }
 }
 

@@ -164,7 +164,19 @@ ContactResult FieldContactCuda::measure_hull(std::span<const SurfaceBlend> camer
                                              const Pose& X_WT,
                                              const ContactWants& wants) const noexcept {
   if (!status()) return unmeasured(StepStatus::backend_failed, wants, true);
-  return hull_->measure(cameras, X_WT, wants, {states_, planes_, deciders_, unseen_}, stream_);
+  ContactResult result =
+      hull_->measure(cameras, X_WT, wants, {states_, planes_, deciders_, unseen_}, stream_);
+  if (wants.noise && !result.penetration.status.is_unmeasured()) {
+    result.noise = noise().of_hull(cameras, X_WT, stream_);
+  }
+  return result;
+}
+
+NoiseOnHost& FieldContactCuda::noise() const {
+  if (noise_ == nullptr) {
+    noise_ = std::make_unique<NoiseOnHost>(index(), std::get<FieldMethod>(method()), memory_.gpu());
+  }
+  return *noise_;
 }
 
 double FieldContactCuda::unseen_by_one(const SurfaceView& surface, const Pose& X_CT,
@@ -220,6 +232,11 @@ ContactResult FieldContactCuda::measure_one(const SurfaceView& from, const Surfa
                              : evaluate<1, Gradient>(question, answers_);
   }
   describe(question.fields[alpha < 1 ? 1 : 0], question.X_WT, wants);
+  if (wants.noise && result.penetration.status.is_unmeasured()) {
+    result.noise.emplace();
+  } else if (wants.noise) {
+    result.noise = noise().of_one(from, to, alpha, X_WT, stream_);
+  }
   return result;
 }
 

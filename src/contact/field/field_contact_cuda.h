@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "src/contact/cuda/gpu_field.h"
+#include "src/contact/cuda/noise_on_host.h"
 #include "src/contact/cuda/query_answer.h"
 #include "src/contact/field/field_tool_cuda.h"
 #include "src/contact/hull/depth_hull_cuda.h"
@@ -26,7 +27,7 @@ class FieldContactCuda final : public ContactQuery {
 
   using ContactQuery::measure;
   /// As FieldContact, to 1e-5 of its results, in one launch; the same bits on every run. With a
-  /// stiffness other blocks add up: results then differ by rounding.
+  /// stiffness other blocks add up: results then differ by rounding. The noise is told by the host.
   ContactResult measure_one(const SurfaceView& from, const SurfaceView& to, double alpha,
                             const Pose& X_WT, const ContactWants& wants) const noexcept override;
 
@@ -45,6 +46,8 @@ class FieldContactCuda final : public ContactQuery {
   ContactResult evaluate(const FieldQuestion& question, AnswerBox& answers) const noexcept;
   void describe(const DepthFieldView& field, const Pose& X_WT,
                 const ContactWants& wants) const noexcept;
+  /// Returns what tells the noise; the first call allocates.
+  NoiseOnHost& noise() const;
 
   Vec3d center_of_mass_;
   int num_spheres_;
@@ -60,6 +63,7 @@ class FieldContactCuda final : public ContactQuery {
   std::uint8_t* unseen_;
   double* unseen_volume_;  // m3, in host memory
   std::unique_ptr<DepthHullCuda> hull_;
+  mutable std::unique_ptr<NoiseOnHost> noise_;
 };
 
 }}  // namespace palpate::v0

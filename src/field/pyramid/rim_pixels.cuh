@@ -82,6 +82,34 @@ __device__ TangentPlane plane_beyond(const TangentPlane* image, std::ptrdiff_t s
   });
 }
 
+/// Pixels along one axis of a tile's planes that lie beyond an image of `size`, where its outermost
+/// surface goes on for `going_on` pixels.
+struct BeyondSpan {
+  int size, num_before, num_after;
+
+  /// A pixel, the last one of the image before it, the step from there into the image, and the
+  /// distance from there.
+  struct Pixel {
+    int place, last, inwards, from;
+  };
+
+  __device__ BeyondSpan(const Span& planes, int image_size, int going_on) : size(image_size) {
+    num_before = clamped_to(-planes.begin, 0, going_on);
+    num_after = clamped_to(planes.end - size, 0, going_on);
+  }
+  /// Are the pixels by which the surface goes on among the planes?
+  __device__ static bool has_line(const Span& planes, int size) {
+    return size >= GoingOn::kNum && (planes.begin >= 0 || planes.end >= GoingOn::kNum) &&
+           (planes.end <= size || planes.begin <= size - GoingOn::kNum);
+  }
+  __device__ int num() const { return num_before + num_after; }
+  __device__ Pixel at(int number) const {
+    if (number < num_before) return {-1 - number, 0, 1, number + 1};
+    const int from = number - num_before + 1;
+    return {size - 1 + from, size - 1, -1, from};
+  }
+};
+
 /// Joins a pixel of a level beyond the image into the tiles at the border: those of the outermost
 /// pixels bound the others.
 __device__ void join_tiles(const FieldJob& job, DepthTile* tiles, int level, int u, int v,

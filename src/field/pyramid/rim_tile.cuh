@@ -13,7 +13,6 @@
 namespace palpate { inline namespace v0 { namespace {
 
 constexpr int kReach = DepthFieldLevel::kSilhouetteReach;
-constexpr int kRimThreads = 256, kRimWarps = kRimThreads / gpu::kWarpSize;
 constexpr int kWordBits = gpu::kWarpSize;
 
 /// Columns or rows [begin, end).
@@ -21,6 +20,7 @@ struct Span {
   int begin, end;
 
   __device__ int size() const { return end - begin; }
+  __device__ bool has(int at) const { return at >= begin && at < end; }
 };
 
 __device__ inline int clamped_to(int value, int least, int most) {
@@ -135,8 +135,8 @@ __device__ inline std::uint32_t span_bits(int begin, int end, int word) {
   return static_cast<std::uint32_t>((std::uint64_t{1} << last) - (std::uint64_t{1} << first));
 }
 
-/// Returns the tiling of the largest level by tiles of a size.
-RimTiling rim_tiling(const FieldJob& job, int wide, int high) {
+/// Returns the tiling of a level by tiles of a size.
+RimTiling rim_tiling(const FieldJob& job, int level, int wide, int high) {
   // See RimSpans: pixels that are requested, and that have planes.
   const auto num_requested = [](int tile, int size) {
     return std::min(tile + 2, size + 2 * kSilhouetteBorder + 1);
@@ -144,7 +144,7 @@ RimTiling rim_tiling(const FieldJob& job, int wide, int high) {
   const auto num_planes = [&](int tile, int size) {
     return std::min(num_requested(tile, size) + 2 * kReach, size + 2 * (job.going_on + 1));
   };
-  const auto& image = job.layout.levels[0];
+  const auto& image = job.layout.levels[level];
   RimTiling tiling{wide, high};
   tiling.num_planes = num_planes(wide, image.width) * num_planes(high, image.height);
   tiling.num_rows = num_requested(high, image.height) + 2 * kReach;
@@ -154,13 +154,17 @@ RimTiling rim_tiling(const FieldJob& job, int wide, int high) {
   return tiling;
 }
 
-/// Returns large tiles, which share little: as high as shared memory allows, all alike in level 0.
-RimTiling large_rim_tiles(const FieldJob& job) {
+/// Returns large tiles of a level, which share little: as wide and high as shared memory allows,
+/// all alike. Small levels are one tile each.
+RimTiling large_rim_tiles(const FieldJob& job, int level) {
   constexpr std::size_t kMaxShared = 48 << 10;
-  constexpr int kWide = 89;  // with what is around it, three words
-  const int rows = job.layout.levels[0].height + 2 * DepthFieldLevel::kBorder;
+  constexpr int kWide = 89, kWords = 3;  // with what is around it
+  constexpr int kBorders = 2 * DepthFieldLevel::kBorder;
+  const auto& image = job.layout.levels[level];
+  const int columns = image.width + kBorders, rows = image.height + kBorders;
+  const bool fits = rim_tiling(job, level, columns, 1).num_words <= kWords;
   for (int num = 1;; ++num) {
-    const RimTiling tiling = rim_tiling(job, kWide, (rows + num - 1) / num);
+    const RimTiling tiling = rim_tiling(job, level, fits ? columns : kWide, (rows + num - 1) / num);
     if (tiling.shared_bytes <= kMaxShared) return tiling;
   }
 }

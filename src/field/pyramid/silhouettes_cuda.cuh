@@ -14,34 +14,41 @@
 
 namespace palpate { inline namespace v0 { namespace {
 
-// Blocks that share the registers of a multiprocessor; older ones have no room for five.
+// Threads that share the registers of a multiprocessor; older ones have no room for as many.
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ < 800
-constexpr int kRimBlocks = 4;
+constexpr int kRimThreadsAtOnce = 1024;
 #else
-constexpr int kRimBlocks = 5;
+constexpr int kRimThreadsAtOnce = 1280;
 #endif
 
-/// Constants of all levels.
+/// Constants of all levels, and those of a launch: [begin, end).
 struct RimLevels {
   one_lane::RuleLevel levels[DepthFieldView::kMaxLevels];
+  int begin, end;
 };
 
-/// Last kernel of a field: borders and silhouettes.
-__global__ void __launch_bounds__(kRimThreads, kRimBlocks)
+/// Last kernel of a field: borders and silhouettes. A block of `kRimThreads`.
+template <int kRimThreads>
+__global__ void __launch_bounds__(kRimThreads, kRimThreadsAtOnce / kRimThreads)
     find_silhouettes(const __grid_constant__ FieldJob job, const __grid_constant__ RimLevels rims) {
-  const RimMemory shared(job.rim);
-  const int block = static_cast<int>(blockIdx.x) % job.num_rim_blocks();
-  const FieldArrays arrays = job.arrays_of(static_cast<int>(blockIdx.x) / job.num_rim_blocks());
+  constexpr int kRimWarps = kRimThreads / gpu::kWarpSize;
+  const int num_blocks = job.first_rim_block[rims.end] - job.first_rim_block[rims.begin];
+  const int image = static_cast<int>(blockIdx.x) / num_blocks;
+  const int block =
+      static_cast<int>(blockIdx.x) - image * num_blocks + job.first_rim_block[rims.begin];
+  const FieldArrays arrays = job.arrays_of(image);
   const int thread = static_cast<int>(threadIdx.x), lane = gpu::lane_id(), warp = gpu::warp_id();
-  int level = 0;
+  int level = rims.begin;
   while (block >= job.first_rim_block[level + 1]) ++level;
+  const RimTiling& tiling = job.rims[level];
+  const RimMemory shared(tiling);
   constexpr int kBorder = DepthFieldLevel::kBorder;
   const int width = job.layout.levels[level].width, height = job.layout.levels[level].height;
-  const int blocks_wide = (width + 2 * kBorder + job.rim.wide - 1) / job.rim.wide;
+  const int blocks_wide = (width + 2 * kBorder + tiling.wide - 1) / tiling.wide;
   const int number = block - job.first_rim_block[level];
   const int going_on = job.going_on, reach = going_on + 1;
-  const RimSpans us(number % blocks_wide * job.rim.wide - kBorder, job.rim.wide, width, reach);
-  const RimSpans vs(number / blocks_wide * job.rim.high - kBorder, job.rim.high, height, reach);
+  const RimSpans us(number % blocks_wide * tiling.wide - kBorder, tiling.wide, width, reach);
+  const RimSpans vs(number / blocks_wide * tiling.high - kBorder, tiling.high, height, reach);
   const one_lane::RuleLevel& rules = rims.levels[level];
   const std::ptrdiff_t origin = job.layout.origin(level);
   // Pixels outside of the image: the outermost surface going on, for a few pixels or without end,
@@ -57,6 +64,12 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
   if (thread < 2) shared.num_listed[thread] = 0;
   if (thread == 0) *shared.has_edge = 0;
   const int planes_wide = us.planes.size(), num_planes = planes_wide * vs.planes.size();
+  const auto set_plane = [&](int i, const TangentPlane& plane) {
+    shared.planes[i] = plane;
+    shared.depths[i] = one_lane::surface_depth({plane.offset, plane.slope});
+  };
+  const bool has_lines = going_on > 0 && !is_endless && BeyondSpan::has_line(us.planes, width) &&
+                         BeyondSpan::has_line(vs.planes, height);
   const int step_rows = kRimThreads / planes_wide, step_columns = kRimThreads % planes_wide;
   for (int i = thread, row = thread / planes_wide, column = thread % planes_wide; i < num_planes;
        i += kRimThreads) {
@@ -67,11 +80,38 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
     if (is_endless || is_inside(u, v)) {
       plane = arrays.planes[origin + clamped_to(v, 0, height - 1) * job.layout.stride +
                             clamped_to(u, 0, width - 1)];
-    } else if (is_shown(u, v)) {
+    } else if (!has_lines && is_shown(u, v)) {
       plane = plane_beyond(arrays.planes + origin, job.layout.stride, width, height, u, v, level);
     }
-    shared.planes[i] = plane;
-    shared.depths[i] = one_lane::surface_depth({plane.offset, plane.slope});
+    set_plane(i, plane);
+  }
+  if (has_lines) {
+    // Rows go on beyond the image, and then columns do, as in plane_beyond.
+    const BeyondSpan beyond_u(us.planes, width, going_on), beyond_v(vs.planes, height, going_on);
+    const auto go_on = [&](int i, int step, int from) {
+      TangentPlane line[GoingOn::kNum];
+      for (int k = 0; k < GoingOn::kNum; ++k) line[k] = shared.planes[i + k * step];
+      return GoingOn(line, level).at(from);
+    };
+    const Span rows{vs.planes.begin > 0 ? vs.planes.begin : 0,
+                    vs.planes.end < height ? vs.planes.end : height};
+    __syncthreads();
+    for (int i = thread; i < rows.size() * beyond_u.num(); i += kRimThreads) {
+      const int row = i / beyond_u.num();
+      const BeyondSpan::Pixel at = beyond_u.at(i - row * beyond_u.num());
+      const int first = (rows.begin + row - vs.planes.begin) * planes_wide - us.planes.begin;
+      set_plane(first + at.place, go_on(first + at.last, at.inwards, at.from));
+    }
+    const Span columns{us.planes.begin > -going_on ? us.planes.begin : -going_on,
+                       us.planes.end < width + going_on ? us.planes.end : width + going_on};
+    __syncthreads();
+    for (int i = thread; i < columns.size() * beyond_v.num(); i += kRimThreads) {
+      const int row = i / columns.size();
+      const BeyondSpan::Pixel at = beyond_v.at(row);
+      const int column = columns.begin + i - row * columns.size() - us.planes.begin;
+      const auto in_column = [&](int v) { return (v - vs.planes.begin) * planes_wide + column; };
+      set_plane(in_column(at.place), go_on(in_column(at.last), at.inwards * planes_wide, at.from));
+    }
   }
   __syncthreads();
   const auto row_of = [&](int v) {
@@ -133,11 +173,21 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
         if (!is_inside(u, v)) {
           const RulePlane plane = pixel_at(u, v).plane;
           arrays.planes[at] = {plane.offset, plane.slope};
-          if (is_shown(u, v) && !is_within(u, v, going_on - 1)) {
-            join_tiles(job, arrays.tiles, level, u, v, arrays.planes[at]);
-          }
         }
       }
+    }
+    if (going_on == 0) return;
+    // The outermost pixels of a surface that goes on bound the tiles: all around the image.
+    const int wide = width + 2 * going_on, high = height + 2 * going_on;
+    for (int i = thread; i < 2 * (wide + high - 2); i += kRimThreads) {
+      const bool is_row = i < 2 * wide;
+      const int size = is_row ? wide : high - 2, along = is_row ? i : i - 2 * wide;
+      const int side = along < size ? 0 : 1, at = along - side * size;
+      const int u = (is_row ? at : side * (wide - 1)) - going_on;
+      const int v = (is_row ? side * (high - 1) : 1 + at) - going_on;
+      if (!us.tile.has(u) || !vs.tile.has(v)) continue;
+      const RulePlane plane = pixel_at(u, v).plane;
+      join_tiles(job, arrays.tiles, level, u, v, {plane.offset, plane.slope});
     }
   };
 

@@ -5,6 +5,7 @@
 
 #include "src/cloud/internal/cloud_blend_cuda.h"
 #include "src/cloud/internal/depth_average_cuda.h"
+#include "src/cloud/internal/stream_noise.h"
 #include "src/cloud/internal/surface_cuda.h"
 #include "src/core/internal/assert.h"
 #include "src/core/internal/stamp.h"
@@ -20,6 +21,7 @@ struct Slot {
   SurfaceCuda estimator;
   std::optional<CloudBlendCuda> predicted;
   std::optional<DepthFieldCuda> field, seen_free, in_front, remembered;
+  FrameNoise noise;                  // if the stream tells it
   gpu::Graph as_seen, as_predicted;  // all the work of a frame
 
   PointCloudView predicted_cloud() const {
@@ -37,6 +39,8 @@ class FrameSlotsCuda final : public FrameSlots {
                  std::optional<FieldMemoryCuda> memory, std::vector<Slot> slots, int gpu)
       : max_jump_(settings.time.max_jump),
         role_(settings.role()),
+        noise_(settings.stream.width, settings.stream.height),
+        is_noise_known_(is_known(settings.surface.noise) || !settings.learns_noise),
         averager_(std::move(averager)),
         field_memory_(std::move(memory)),
         slots_(std::move(slots)),
@@ -80,9 +84,17 @@ class FrameSlotsCuda final : public FrameSlots {
     SurfaceView& surfaces = surfaces_[static_cast<std::size_t>(number)];
     surfaces.cloud = motion ? slot.predicted_cloud() : slot.estimator.cloud();
     surfaces.cloud.stamp = next_stamp();
-    const auto show = [](const std::optional<DepthFieldCuda>& field, DepthFieldView& view) {
+    // A frame that is on the GPU stays there and tells its own noise.
+    if (!is_noise_known_ && frame.gpu == kHostMemory) {
+      const FrameNoise seen = *surfaces.cloud.noise;
+      noise_.add(frame, seen);
+      slot.noise = noise_.of_frame(seen, averager_.has_value());
+      surfaces.cloud.noise = &slot.noise;
+    }
+    const auto show = [&](const std::optional<DepthFieldCuda>& field, DepthFieldView& view) {
       if (!field) return;
       view = field->view();
+      view.noise = surfaces.cloud.noise;
       view.stamp = next_stamp();
     };
     show(slot.field, surfaces.field);
@@ -172,6 +184,8 @@ class FrameSlotsCuda final : public FrameSlots {
 
   double max_jump_;
   SurfaceRole role_;
+  StreamNoise noise_;
+  bool is_noise_known_;  // by the settings
   std::optional<DepthAveragerCuda> averager_;
   std::optional<FieldMemoryCuda> field_memory_;
   std::vector<Slot> slots_;
@@ -205,7 +219,7 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cuda(const SlotSettings& se
     auto estimator = SurfaceCuda::create(stream.width, stream.height, stream.intrinsics, surface,
                                          gpu, 0, stream.distortion);
     if (!estimator) return estimator.error();
-    Slot slot{*std::move(estimator), {}, {}, {}, {}, {}, {}, {}};
+    Slot slot{*std::move(estimator), {}, {}, {}, {}, {}, {}, {}, {}};
     if (settings.time.mode == TimeMode::predict) {
       auto made = CloudBlendCuda::create(stream.width, stream.height, stream.intrinsics, gpu);
       if (!made) return made.error();

@@ -81,16 +81,19 @@ __device__ inline void grid_barrier(unsigned long long* count) {
   __syncthreads();
 }
 
-/// True in all threads of the block that calls this last; it sees what the others wrote before.
-/// `count` starts at 0 and is 0 again then. `shared` is for this alone.
-__device__ inline bool is_last_block(unsigned long long* count, int* shared) {
+/// True in all threads of the block that calls this last of `num` blocks; it sees what the others
+/// wrote before. `count` starts at 0 and is 0 again then. `shared` is for this alone.
+__device__ inline bool is_last_block(unsigned long long* count, int* shared, unsigned num) {
   __syncthreads();
   if (threadIdx.x == 0) {
-    *shared = add_release(count, 1) == gridDim.x - 1;
+    *shared = add_release(count, 1) == num - 1;
     if (*shared != 0) *count = 0;
   }
   __syncthreads();
   return *shared != 0;
+}
+__device__ inline bool is_last_block(unsigned long long* count, int* shared) {
+  return is_last_block(count, shared, gridDim.x);
 }
 
 /// The sum over the warp, in all lanes, always in the same order.

@@ -1,48 +1,70 @@
 // The adaptive filter of depth images on a GPU: what AdaptiveFilter does, by the same formulas and
-// with the same bits.
+// with the same bits. Large images go through four kernels of many blocks, small ones in a batch
+// through one kernel that keeps an image in a block's shared memory.
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 
+#include "src/cloud/internal/frame_noise.h"
 #include "src/cloud/surface/adaptive/scale_noise.h"
 #include "src/gpu/internal/runtime.h"
 
 namespace palpate { inline namespace v0 {
 
-/// One level of the first image: arrays on the GPU, with margins of cells without surface.
+namespace one_lane {
+struct FilterJob;
+}
+
+/// A level of an image: its cells in each of the arrays, with margins of cells without surface.
+/// Strides and first cells are even, so that two cells of one wider cell can be written at once.
 struct LevelCuda {
   int width = 0, height = 0;
-  std::ptrdiff_t stride = 0;
-  float* mean = nullptr;       ///< cell (0, 0); see ScaleLevel
-  float* predicted = nullptr;  ///< not of the widest level, and so is energy
-  float* energy = nullptr;
+  int stride = 0, first = 0;  ///< number of cell (0, 0)
 
-  PALPATE_HOSTDEV std::ptrdiff_t at(int u, int v) const { return v * stride + u; }
+  PALPATE_HOSTDEV int at(int u, int v) const { return first + v * stride + u; }
+};
+
+/// The levels of one image.
+struct LevelsCuda {
+  LevelCuda levels[kNumScales + 1];
+  int num_cells = 0;  ///< of an array, with margins
+
+  LevelsCuda(int width, int height, int margin);
+  PALPATE_HOSTDEV const LevelCuda& operator[](int level) const { return levels[level]; }
 };
 
 /// Arrays of all images. A block of a kernel does a tile of an image: one cell of the widest level.
 struct AdaptiveJob {
-  LevelCuda levels[kNumScales + 1];
-  std::ptrdiff_t cells_apart = 0;  ///< from one image's cells to those of the next
-  float* depth = nullptr;          ///< m, not a number where there is none; smoothed in place
-  std::ptrdiff_t depth_apart = 0;  ///< from one image to the next
-  DetailCounts* counts = nullptr;  ///< kNumScales of each image
-  ScaleNoise* noise = nullptr;     ///< the same
+  LevelsCuda levels;
+  std::ptrdiff_t cells_apart = 0;          ///< from one image's cells to those of the next
+  float* mean = nullptr;                   ///< see ScaleLevel
+  float* predicted = nullptr;              ///< not of the widest level, and so is energy
+  float* energy = nullptr;                 ///< with that of all other levels
+  std::uint32_t* counts = nullptr;         ///< as DetailCounts, kNumScales of each image
+  std::uint32_t* seen = nullptr;           ///< of each of these: bits of the depths with details
+  unsigned long long* num_done = nullptr;  ///< blocks of each image that have counted
+  ScaleNoise* noise = nullptr;             ///< kNumScales of each image
+  FrameNoise* frame_noise = nullptr;       ///< of the first image, in page-locked memory
 };
 
-/// Smooths depth images of one size on a GPU. Nothing waits or allocates after construction.
+/// Reads and smooths depth images of one size on a GPU. Nothing waits or allocates after
+/// construction.
 class AdaptiveCuda {
  public:
-  /// Takes memory for the scales of some images. Failures are left in `memory`. `depth`: width *
-  /// height values of each image, `depth_apart` values from one to the next.
-  AdaptiveCuda(gpu::Memory& memory, int width, int height, int num_images, float* depth,
-               std::ptrdiff_t depth_apart);
+  /// Takes memory for the scales of some images; 0: of one that is not in a batch. Failures are
+  /// left in `memory`.
+  AdaptiveCuda(gpu::Memory& memory, int width, int height, int num_images);
 
-  /// Submits the smoothing of the first images.
-  void enqueue(gpu::Stream& stream, int num_images) const;
+  /// Submits the smoothing of the first images: from the raw frame of `job` to its depth, with the
+  /// pixels that are too far.
+  void enqueue(gpu::Stream& stream, const one_lane::FilterJob& job, int num_images) const;
+  /// Noise of the last image that is done, in memory of the host.
+  const FrameNoise* noise() const { return job_.frame_noise; }
 
  private:
   AdaptiveJob job_;
+  bool is_small_ = false;  ///< an image fits a block's shared memory
 };
 
 }}  // namespace palpate::v0

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "src/cloud/surface/adaptive/noise_fit.h"
 #include "src/core/internal/for_rows.h"
 
 namespace palpate { inline namespace v0 {
@@ -110,15 +111,7 @@ void AdaptiveFilter::count_details(ThreadPool& pool) {
   noise_ = noise_of(counts_[0]);
 }
 
-FrameNoise AdaptiveFilter::noise() const {
-  FrameNoise noise;
-  for (int level = 0; level < kNumScales; ++level) {
-    const ScaleNoise& of = noise_[static_cast<std::size_t>(level)];
-    noise.base[level] = static_cast<float>(static_cast<double>(of.base) / kTails);
-    noise.growth[level] = static_cast<float>(static_cast<double>(of.growth) / kTails);
-  }
-  return noise;
-}
+FrameNoise AdaptiveFilter::noise() const { return frame_noise_of(noise_.data()); }
 
 void AdaptiveFilter::run(const FilterPass& pass, const PixelWindow& window, ThreadPool& pool) {
   const auto at = [&](int level) -> ScaleLevel& {

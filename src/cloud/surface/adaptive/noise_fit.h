@@ -44,92 +44,92 @@ struct DetailNoise {
   double sd = -1;  ///< m; -1: too few details to tell
   double num = 0;  ///< details
 };
-/// Finds the noise of the details of a depth by a quantile of their sizes. `number`: of the depth.
-PALPATE_HOSTDEV inline DetailNoise detail_noise(const std::uint32_t (&counts)[DetailCounts::kSizes],
-                                                int number) {
-  constexpr int min_num = 20;  // from which noise is known
-  constexpr double quantile = 0.7;
+/// Details from which on the noise of a depth is known.
+inline constexpr int kMinDetails = 20;
+/// Share of the details whose sizes tell the noise.
+inline constexpr double kQuantile = 0.7;
+
+/// Returns the noise of depth `number` from the quantile of `num` details. It is in a step of sizes
+/// that has `in_step` of them, after `before` smaller ones.
+PALPATE_HOSTDEV inline DetailNoise quantile_noise(int number, double num, int step, double before,
+                                                  double in_step) {
   constexpr double normal_quantile = 1.0364;  // of the size of a normal variable of unit variance
-  const auto size_at = [](int step) { return lower_end(DetailCounts::kSmallest, step, 3); };
+  const auto size_at = [](int at) { return lower_end(DetailCounts::kSmallest, at, 3); };
   DetailNoise noise;
   noise.z = (lower_end(DetailCounts::kNearest, number, 2) +
              lower_end(DetailCounts::kNearest, number + 1, 2)) /
             2;
-  for (const std::uint32_t num : counts) noise.num += num;
-  if (noise.num < min_num) return noise;
-  noise.sd = size_at(DetailCounts::kSizes);
-  double before = 0;
-  for (int i = 0; i < DetailCounts::kSizes; ++i) {
-    const double num = counts[i];
-    if (before + num >= quantile * noise.num) {
-      const double low = i == 0 ? 0 : size_at(i), high = size_at(i + 1);
-      const double share = (quantile * noise.num - before) / num;
-      noise.sd = (low + share * (high - low)) * kTails / normal_quantile;
-      break;
-    }
-    before += num;
-  }
+  noise.num = num;
+  const double low = step == 0 ? 0 : size_at(step), high = size_at(step + 1);
+  const double share = (kQuantile * num - before) / in_step;
+  noise.sd = (low + share * (high - low)) * kTails / normal_quantile;
   return noise;
 }
 
-/// Fits base + growth z^2 to noise by depth, weighted by counts over the squared noise; neither is
-/// negative.
-class NoiseCurve {
- public:
-  PALPATE_HOSTDEV void add(double z, double sd, double num) {
+/// Sums over the noise by depth of a level, for base + growth z^2: weights w, counts over the
+/// squared noise, and with q = z^2 and the noise y also w q, w q^2, w y and w q y.
+struct NoiseCurve {
+  static constexpr int kNumSums = 5;
+  double sums[kNumSums] = {};
+
+  /// Returns the terms of one depth.
+  PALPATE_HOSTDEV static NoiseCurve of(double z, double sd, double num) {
     const double square = z * z, at_least = sd < 1e-7 ? 1e-7 : sd;
     const double weight = num / (at_least * at_least);
-    w_ += weight;
-    q_ += weight * square;
-    qq_ += weight * square * square;
-    y_ += weight * sd;
-    qy_ += weight * square * sd;
+    return {{weight, weight * square, weight * square * square, weight * sd, weight * square * sd}};
   }
-  PALPATE_HOSTDEV bool is_empty() const { return w_ <= 0; }
-  PALPATE_HOSTDEV ScaleNoise fitted() const {
-    const double determinant = w_ * qq_ - q_ * q_;
-    double base = 0, growth = qy_ / qq_;
-    if (determinant > 1e-9 * w_ * qq_) {
-      base = (y_ * qq_ - qy_ * q_) / determinant;
-      growth = (w_ * qy_ - q_ * y_) / determinant;
-      if (base < 0) base = 0, growth = qy_ / qq_;
-      if (growth < 0) growth = 0, base = y_ / w_;
+  PALPATE_HOSTDEV void add(const NoiseCurve& other) {
+    for (int k = 0; k < kNumSums; ++k) sums[k] += other.sums[k];
+  }
+  PALPATE_HOSTDEV bool is_empty() const { return sums[0] <= 0; }
+  /// Returns one of four quotients: the growth without a base, base and growth, the base without a
+  /// growth. The lanes of a GPU share them.
+  static constexpr int kNumQuotients = 4;
+  PALPATE_HOSTDEV double quotient(int which) const {
+    const double w = sums[0], q = sums[1], qq = sums[2], y = sums[3], qy = sums[4];
+    const double above = which == 0   ? qy
+                         : which == 1 ? y * qq - qy * q
+                         : which == 2 ? w * qy - q * y
+                                      : y;
+    return above / (which == 0 ? qq : which == 3 ? w : determinant());
+  }
+  /// Returns the curve of least squares; neither number is negative.
+  PALPATE_HOSTDEV ScaleNoise fitted(const double (&quotients)[kNumQuotients]) const {
+    double base = 0, growth = quotients[0];
+    if (determinant() > 1e-9 * sums[0] * sums[2]) {
+      base = quotients[1];
+      growth = quotients[2];
+      if (base < 0) base = 0, growth = quotients[0];
+      if (growth < 0) growth = 0, base = quotients[3];
     }
     return {static_cast<float>(base), static_cast<float>(growth)};
   }
 
  private:
-  double w_ = 0, q_ = 0, qq_ = 0, y_ = 0, qy_ = 0;
+  PALPATE_HOSTDEV double determinant() const { return sums[0] * sums[2] - sums[1] * sums[1]; }
 };
 
-using NoiseByDepth = DetailNoise[DetailCounts::kDepths];
-
-/// Finds the noise of all levels, `result`. A level's noise is at most a few times that of the
-/// finer ones: more is shape.
-PALPATE_HOSTDEV inline void fit_noise(const NoiseByDepth (&by_depth)[kNumScales],
-                                      ScaleNoise* result) {
+/// Returns the noise of a depth at a level: at most a few times that of the finer ones, `before`
+/// the next finer one and `most` the most of all. More is shape.
+PALPATE_HOSTDEV inline double limited_noise(const DetailNoise& at, int level,
+                                            const ScaleNoise& before, double most) {
   // Growth of the noise from the finer levels to the next one. White noise falls by half; noise
   // that is smooth over a few pixels grows up to their number.
   constexpr double max_growth[kNumScales] = {0, 3, 2, 1.25, 1};
-  double most[DetailCounts::kDepths] = {};  // of the finer levels
+  if (level == 0) return at.sd;
+  const double known = before.at(at.z);
+  const double limit = max_growth[level] * (most < known ? known : most);
+  return limit < at.sd ? limit : at.sd;
+}
+
+/// Returns the noise of a frame's surface by that of its details.
+PALPATE_HOSTDEV inline FrameNoise frame_noise_of(const ScaleNoise* levels) {
+  FrameNoise noise;
   for (int level = 0; level < kNumScales; ++level) {
-    NoiseCurve curve;
-    for (int i = 0; i < DetailCounts::kDepths; ++i) {
-      const DetailNoise& at = by_depth[level][i];
-      if (at.sd < 0) continue;
-      double sd = at.sd;
-      if (level > 0) {
-        const double before = result[level - 1].at(at.z);
-        const double limit = max_growth[level] * (most[i] < before ? before : most[i]);
-        if (limit < sd) sd = limit;
-      }
-      if (most[i] < sd) most[i] = sd;
-      curve.add(at.z, sd, at.num);
-    }
-    result[level] = !curve.is_empty() ? curve.fitted()
-                    : level > 0       ? result[level - 1]
-                                      : ScaleNoise{};
+    noise.base[level] = static_cast<float>(static_cast<double>(levels[level].base) / kTails);
+    noise.growth[level] = static_cast<float>(static_cast<double>(levels[level].growth) / kTails);
   }
+  return noise;
 }
 
 }}  // namespace palpate::v0
