@@ -93,10 +93,9 @@ __device__ inline int first_undecided(const FarShared& shared) {
   return -1;
 }
 
-/// Makes the depth of free pixels infinite.
-__global__ void __launch_bounds__(kFarThreads) mark_far(const __grid_constant__ FilterJob job) {
-  FarShared& shared = gpu::shared_memory<FarShared>();
-  const Tile tile(job.tiling);
+/// Finds the free pixels of a tile: bits of shared.free. False: there are none. All threads of a
+/// block call, at least kFarThreads.
+__device__ inline bool find_free(const FilterJob& job, const Tile& tile, FarShared& shared) {
   const int thread = static_cast<int>(threadIdx.x);
   const int row = thread / kFarWords, word = thread % kFarWords;
   const bool has_word = row < kFarRows;
@@ -107,7 +106,7 @@ __global__ void __launch_bounds__(kFarThreads) mark_far(const __grid_constant__ 
     shared.far[row][word] = inside ? job.far[job.tiling.word(tile.image, v, column)] : 0;
   }
   __syncthreads();
-  if (first_undecided(shared) < 0) return;
+  if (first_undecided(shared) < 0) return false;
 
   const bool is_own = has_word && word == 1 && row >= kFarSide && row < kFarSide + kStripRows;
   if (is_own) shared.free[row - kFarSide] = 0;
@@ -122,13 +121,7 @@ __global__ void __launch_bounds__(kFarThreads) mark_far(const __grid_constant__ 
     if (has_word) shared.far[row][word] &= ~shared.group[row][word];
     __syncthreads();
   }
-
-  float* const depth = job.depth + tile.image * job.tiling.points_apart;
-  for (int i = thread; i < kStripRows * kTileWidth; i += kFarThreads) {
-    const int v = i / kTileWidth, column = i % kTileWidth;
-    if ((shared.free[v] >> column & 1u) == 0) continue;
-    depth[static_cast<std::ptrdiff_t>(tile.v0 + v) * job.tiling.width + tile.u0 + column] = kFar;
-  }
+  return true;
 }
 
 }}}}  // namespace palpate::v0::one_lane

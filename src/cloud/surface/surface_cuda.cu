@@ -17,6 +17,23 @@
 #include "src/core/internal/assert.h"
 
 namespace palpate { inline namespace v0 {
+namespace one_lane { namespace {
+
+/// Makes the depth of free pixels infinite.
+__global__ void __launch_bounds__(kFarThreads) mark_far(const __grid_constant__ FilterJob job) {
+  FarShared& shared = gpu::shared_memory<FarShared>();
+  const Tile tile(job.tiling, static_cast<int>(blockIdx.x));
+  if (!find_free(job, tile, shared)) return;
+  float* const depth = job.depth + tile.image * job.tiling.points_apart;
+  for (int i = static_cast<int>(threadIdx.x); i < kStripRows * kTileWidth; i += kFarThreads) {
+    const int v = i / kTileWidth, column = i % kTileWidth;
+    if ((shared.free[v] >> column & 1u) == 0) continue;
+    depth[static_cast<std::ptrdiff_t>(tile.v0 + v) * job.tiling.width + tile.u0 + column] = kFar;
+  }
+}
+
+}}  // namespace one_lane
+
 namespace {
 
 using one_lane::FilterJob;
@@ -158,7 +175,7 @@ void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts
       gpu::launch(stream, shape(filtered, sizeof(FilterShared)), filter_kernel(job), job);
     }
   }
-  if (is_last) {
+  if (is_last && !(adaptive && adaptive->marks_far())) {
     job.tiling.first_tile = 0;
     job.tiling.num_tiles = part.num_strips * tiles_per_row;
     gpu::LaunchShape tiles = shape({0, part.num_strips}, sizeof(one_lane::FarShared));

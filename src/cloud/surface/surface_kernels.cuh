@@ -77,9 +77,8 @@ struct Tile {
   int index;   // in the image
   int u0, v0;  // of its first pixel
 
-  __device__ explicit Tile(const Tiling& tiling)
-      : image(static_cast<int>(blockIdx.x) / tiling.num_tiles),
-        index(tiling.first_tile + static_cast<int>(blockIdx.x) % tiling.num_tiles) {
+  __device__ Tile(const Tiling& tiling, int block)
+      : image(block / tiling.num_tiles), index(tiling.first_tile + block % tiling.num_tiles) {
     const int strip = index / tiling.tiles_per_row;
     u0 = (index - strip * tiling.tiles_per_row) * kTileWidth;
     v0 = strip * kStripRows;
@@ -143,7 +142,7 @@ template <int kRadius>
 __global__ void __launch_bounds__(kTileThreads)
     read_and_filter(const __grid_constant__ FilterJob job) {
   FilterShared& shared = gpu::shared_memory<FilterShared>();
-  const Tile tile(job.tiling);
+  const Tile tile(job.tiling, static_cast<int>(blockIdx.x));
   const int radius = kRadius < 0 ? job.radius : kRadius;
   const int margin = kRadius < 0 ? job.margin() : kRadius;
   const int stride = padded(kTileWidth, margin);
@@ -252,7 +251,7 @@ __global__ void __launch_bounds__(kTileThreads)
   NormalShared& shared = gpu::shared_memory<NormalShared>();
   RowStore* const rows =
       reinterpret_cast<RowStore*>(reinterpret_cast<unsigned char*>(&shared) + kRowStores);
-  const Tile tile(job.tiling);
+  const Tile tile(job.tiling, static_cast<int>(blockIdx.x));
   const int width = job.tiling.width;
   const int num_rows =
       job.tiling.height - tile.v0 < kStripRows ? job.tiling.height - tile.v0 : kStripRows;

@@ -248,18 +248,23 @@ __global__ void __launch_bounds__(kRimThreads, kRimThreadsAtOnce / kRimThreads)
     RimSearch search{pixel_at(u, v), {}, {}};
     const auto limits = one_lane::exit_limits(search.own.plane, search.own.depth, rules.width_u);
     int exit = 0, occluder = 0;
-#pragma unroll 1
-    for (int n = 1; n <= kReach; ++n) {
-      for (int side = 0; side < 2; ++side) {
-        const int from = side == 0 ? n - 1 : -n;
-        if ((edges >> (kReach + from) & 1) == 0) continue;
-        const Edge edge(pixel_at(u + from, v), pixel_at(u + from + 1, v));
-        const float du = du_to(u, v, from);
-        search.offer_exit(edge, du, 0.0f, limits);
-        search.offer_occluder(edge, du, 0.0f, rules.width_u);
-        if (search.exit.du == du) exit = from + kFoundBias;
-        if (search.occluder.du == du) occluder = from + kFoundBias;
-      }
+    // Nearest first: bit 2 k and the next one are the edges k pixels to the right and to the left.
+    // So lanes that see different edges go through them together.
+    unsigned nearest = 0;
+#pragma unroll
+    for (int k = 0; k < kReach; ++k) {
+      nearest |= static_cast<unsigned>(edges >> (kReach + k) & 1) << 2 * k |
+                 static_cast<unsigned>(edges >> (kReach - 1 - k) & 1) << (2 * k + 1);
+    }
+    for (; nearest != 0; nearest &= nearest - 1) {
+      const int which = __ffs(static_cast<int>(nearest)) - 1;
+      const int from = which % 2 == 0 ? which / 2 : -1 - which / 2;
+      const Edge edge(pixel_at(u + from, v), pixel_at(u + from + 1, v));
+      const float du = du_to(u, v, from);
+      search.offer_exit(edge, du, 0.0f, limits);
+      search.offer_occluder(edge, du, 0.0f, rules.width_u);
+      if (search.exit.du == du) exit = from + kFoundBias;
+      if (search.occluder.du == du) occluder = from + kFoundBias;
     }
     shared.found[row * shared.found_stride + column] |=
         static_cast<std::uint8_t>(exit | occluder << kFoundBits);

@@ -1,5 +1,7 @@
 #include "src/cloud/surface/adaptive/adaptive_cuda.h"
 
+#include <algorithm>
+
 #include "src/cloud/surface/adaptive/adaptive_small.cuh"
 #include "src/cloud/surface/adaptive/adaptive_tiles.cuh"
 
@@ -35,6 +37,10 @@ AdaptiveCuda::AdaptiveCuda(gpu::Memory& memory, int width, int height, int num_i
   job_.seen = memory.take<std::uint32_t>(num * kNumScales);
   job_.num_done = memory.take<unsigned long long>(num);
   job_.noise = memory.take<ScaleNoise>(num * kNumScales);
+  const std::size_t words =
+      (static_cast<std::size_t>(job_.levels[0].width) + one_lane::kTileWidth - 1) /
+      std::size_t{one_lane::kTileWidth} * static_cast<std::size_t>(job_.levels[0].height);
+  job_.free = memory.take<unsigned>(num * words);
   job_.frame_noise = memory.take_pinned<FrameNoise>(1);
 }
 
@@ -48,17 +54,22 @@ void AdaptiveCuda::enqueue(gpu::Stream& stream, const one_lane::FilterJob& filte
                 one_lane::smooth_small_images, filter, job_.levels);
     return;
   }
-  const LevelCuda& widest = job_.levels[kNumScales];
-  const auto tiles = [&](std::size_t shared_bytes, int threads = one_lane::kAdaptiveThreads) {
-    return gpu::LaunchShape{.blocks = num_images * widest.width * widest.height,
-                            .threads = threads,
-                            .shared_bytes = shared_bytes};
+  const auto launch = [&](std::size_t shared_bytes, auto* kernel, const auto&... arguments) {
+    gpu::launch(stream,
+                {.blocks = num_images * job_.num_tiles(),
+                 .threads = one_lane::kAdaptiveThreads,
+                 .shared_bytes = shared_bytes},
+                kernel, arguments...);
   };
-  gpu::launch(stream, tiles(sizeof(one_lane::BeginShared)), one_lane::begin_scales, filter, job_);
-  gpu::launch(stream, tiles(sizeof(one_lane::PredictShared), one_lane::kPredictThreads),
-              one_lane::predict_scales, job_);
-  gpu::launch(stream, tiles(sizeof(one_lane::EnergyShared)), one_lane::find_energies, job_);
-  gpu::launch(stream, tiles(sizeof(one_lane::SmoothShared)), one_lane::smooth_scales, filter, job_);
+  launch(sizeof(one_lane::BeginShared), one_lane::begin_scales, filter, job_);
+  gpu::launch(
+      stream,
+      {.blocks = num_images * (job_.num_tiles() + filter.tiling.num_tiles),
+       .threads = one_lane::kPredictThreads,
+       .shared_bytes = std::max(sizeof(one_lane::PredictShared), sizeof(one_lane::FarShared))},
+      one_lane::predict_scales, filter, job_, num_images);
+  launch(sizeof(one_lane::EnergyShared), one_lane::find_energies, job_);
+  launch(sizeof(one_lane::SmoothShared), one_lane::smooth_scales, filter, job_);
 }
 
 }}  // namespace palpate::v0

@@ -45,7 +45,12 @@ struct AdaptiveJob {
   std::uint32_t* seen = nullptr;           ///< of each of these: bits of the depths with details
   unsigned long long* num_done = nullptr;  ///< blocks of each image that have counted
   ScaleNoise* noise = nullptr;             ///< kNumScales of each image
+  unsigned* free = nullptr;                ///< free pixels, as FilterJob::far
   FrameNoise* frame_noise = nullptr;       ///< of the first image, in page-locked memory
+
+  PALPATE_HOSTDEV int num_tiles() const {
+    return levels[kNumScales].width * levels[kNumScales].height;
+  }
 };
 
 /// Reads and smooths depth images of one size on a GPU. Nothing waits or allocates after
@@ -61,6 +66,8 @@ class AdaptiveCuda {
   void enqueue(gpu::Stream& stream, const one_lane::FilterJob& job, int num_images) const;
   /// Noise of the last image that is done, in memory of the host.
   const FrameNoise* noise() const { return job_.frame_noise; }
+  /// True if free pixels are infinite in what `enqueue` makes.
+  bool marks_far() const { return !is_small_; }
 
  private:
   AdaptiveJob job_;

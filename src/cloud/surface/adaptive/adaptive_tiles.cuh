@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "src/cloud/frames/far_pixels.cuh"
 #include "src/cloud/surface/adaptive/adaptive_cells.cuh"
 #include "src/cloud/surface/adaptive/adaptive_cuda.h"
 
@@ -28,7 +29,7 @@ struct ScaleTile {
 
   __device__ explicit ScaleTile(const AdaptiveJob& job) {
     const LevelCuda& widest = job.levels[kNumScales];
-    const int num = widest.width * widest.height, block = static_cast<int>(blockIdx.x);
+    const int num = job.num_tiles(), block = static_cast<int>(blockIdx.x);
     image = block / num;
     row = (block - image * num) / widest.width;
     column = block - image * num - row * widest.width;
@@ -120,10 +121,23 @@ struct PredictShared {
   NoiseShared noise;
 };
 
+/// Finds the free pixels of a tile of a strip, for the smoothed image.
+__device__ inline void find_free(const FilterJob& filter, const AdaptiveJob& job, int block) {
+  FarShared& shared = gpu::shared_memory<FarShared>();
+  const Tile tile(filter.tiling, block);
+  const bool is_any = find_free(filter, tile, shared);
+  const int row = static_cast<int>(threadIdx.x), v = tile.v0 + row;
+  if (row >= kStripRows || v >= filter.tiling.height) return;
+  job.free[filter.tiling.word(tile.image, v, tile.u0 / kTileWidth)] = is_any ? shared.free[row] : 0;
+}
+
 /// Predicts all levels from the next wider ones and counts the details. The last block of an image
-/// finds its noise.
+/// finds its noise. Blocks behind those of all tiles find the free pixels of the raw image.
 __global__ void __launch_bounds__(kPredictThreads, kAdaptiveBlocks)
-    predict_scales(const __grid_constant__ AdaptiveJob job) {
+    predict_scales(const __grid_constant__ FilterJob filter,
+                   const __grid_constant__ AdaptiveJob job, const int num_images) {
+  const int behind = static_cast<int>(blockIdx.x) - num_images * job.num_tiles();
+  if (behind >= 0) return find_free(filter, job, behind);
   PredictShared& shared = gpu::shared_memory<PredictShared>();
   const ScaleTile tile(job);
   const int thread = static_cast<int>(threadIdx.x), lane = gpu::lane_id();
@@ -161,8 +175,7 @@ __global__ void __launch_bounds__(kPredictThreads, kAdaptiveBlocks)
   if (thread < kNumScales && (shared.seen[thread] & ~gpu::read_now(all_seen + thread)) != 0) {
     atomicOr(all_seen + thread, shared.seen[thread]);
   }
-  const LevelCuda& widest = job.levels[kNumScales];
-  const auto num_tiles = static_cast<unsigned>(widest.width * widest.height);
+  const auto num_tiles = static_cast<unsigned>(job.num_tiles());
   if (!gpu::is_last_block(job.num_done + tile.image, &shared.is_last, num_tiles)) return;
 
   if (thread < kNumScales) {
@@ -346,8 +359,9 @@ __global__ void __launch_bounds__(kAdaptiveThreads, kAdaptiveBlocks)
       if (number > 0) {
         smoothed[i] = result;
       } else if (is_inside) {
+        const unsigned free = job.free[filter.tiling.word(tile.image, v, tile.column)];
         depth[static_cast<std::ptrdiff_t>(v) * level.width + u] =
-            result > 0 ? 1.0f / result : kNotMeasured;
+            (free >> x & 1) != 0 ? kFar : (result > 0 ? 1.0f / result : kNotMeasured);
       }
       return false;
     };
