@@ -273,9 +273,13 @@ double Stream::lap() noexcept {
 
 int resident_blocks(int gpu, const void* kernel, int threads, std::size_t shared_bytes) {
   int per_multiprocessor = 0, multiprocessors = 0;
-  if (cudaSetDevice(gpu) != cudaSuccess ||
-      cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
-                           static_cast<int>(shared_bytes)) != cudaSuccess ||
+  const int bytes = static_cast<int>(shared_bytes);
+  cudaFuncAttributes now{};
+  if (cudaSetDevice(gpu) != cudaSuccess || cudaFuncGetAttributes(&now, kernel) != cudaSuccess ||
+      // Others may launch the same kernel with more.
+      (now.maxDynamicSharedSizeBytes < bytes &&
+       cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes) !=
+           cudaSuccess) ||
       cudaOccupancyMaxActiveBlocksPerMultiprocessor(&per_multiprocessor, kernel, threads,
                                                     shared_bytes) != cudaSuccess ||
       cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, gpu) !=

@@ -144,7 +144,9 @@ SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
   cloud.view.edge_y = change[1];
   cloud.view.edge_z = change[2];
   noise = frame_noise(options.noise);
-  cloud.view.noise = adaptive && !is_known(options.noise) ? adaptive->noise() : &noise;
+  const bool is_learned = adaptive && !is_known(options.noise);
+  // The images of a batch learn a noise each, which stays on the GPU.
+  cloud.view.noise = !is_learned ? &noise : num_images > 0 ? nullptr : adaptive->noise();
 }
 
 void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts,

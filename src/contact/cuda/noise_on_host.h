@@ -2,9 +2,12 @@
 // which come off the GPU once a frame.
 #pragma once
 
+#include <array>
 #include <deque>
+#include <memory>
 #include <optional>
 #include <span>
+#include <utility>
 
 #include "src/contact/cuda/gpu_field.h"
 #include "src/contact/field/field_contact.h"
@@ -30,6 +33,7 @@ class NoiseOnHost {
   int gpu_;
   FieldContact query_;
   std::deque<HostFields> fields_;  // four of each camera
+  std::array<SurfaceBlend, kMaxCameras> here_;
 };
 
 }}  // namespace palpate::v0

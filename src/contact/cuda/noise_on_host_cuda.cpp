@@ -1,6 +1,6 @@
 #include "src/contact/cuda/noise_on_host.h"
 
-#include <vector>
+#include <algorithm>
 
 namespace palpate { inline namespace v0 {
 
@@ -17,21 +17,25 @@ SurfaceView NoiseOnHost::on_host(SurfaceView surface, std::size_t camera, gpu::S
 std::optional<MeasureNoise> NoiseOnHost::of_one(const SurfaceView& from, const SurfaceView& to,
                                                 double alpha, const Pose& X_CT,
                                                 gpu::Stream& stream) {
-  const SurfaceView after = on_host(to, 0, stream);
-  const SurfaceView before = alpha < 1 ? on_host(from, 0, stream) : after;
+  const auto field_of = [&](SurfaceView surface) {
+    surface.seen_free = surface.in_front = surface.remembered = {};
+    return on_host(surface, 0, stream);
+  };
+  const SurfaceView after = field_of(to);
+  const SurfaceView before = alpha < 1 ? field_of(from) : after;
   if (!stream.wait()) return std::nullopt;
   return query_.measure_one(before, after, alpha, X_CT, {.noise = true}).noise;
 }
 
 std::optional<MeasureNoise> NoiseOnHost::of_hull(std::span<const SurfaceBlend> cameras,
                                                  const Pose& X_WT, gpu::Stream& stream) {
-  std::vector<SurfaceBlend> here(cameras.begin(), cameras.end());
-  for (std::size_t k = 0; k < here.size(); ++k) {
-    here[k].to = on_host(here[k].to, k, stream);
-    here[k].from = here[k].progress < 1 ? on_host(here[k].from, k, stream) : here[k].to;
+  std::ranges::copy(cameras, here_.begin());
+  for (std::size_t k = 0; k < cameras.size(); ++k) {
+    here_[k].to = on_host(here_[k].to, k, stream);
+    here_[k].from = here_[k].progress < 1 ? on_host(here_[k].from, k, stream) : here_[k].to;
   }
   if (!stream.wait()) return std::nullopt;
-  return query_.measure(here, X_WT, {.noise = true}).noise;
+  return query_.measure(std::span(here_).first(cameras.size()), X_WT, {.noise = true}).noise;
 }
 
 }}  // namespace palpate::v0

@@ -234,9 +234,8 @@ PALPATE_FORMULA Curved<Real> limited_by(const Real (&silhouette)[4], const Curve
 }
 
 /// The values of the nine pixels around, each element on its own level, limited for those that are
-/// near a silhouette. On a GPU they stay in
-/// registers if the loops over silhouettes are unrolled, which second derivatives (`kBends`), short
-/// of registers, do better without.
+/// near a silhouette. On a GPU they stay in registers if the loops over silhouettes are unrolled,
+/// which second derivatives (`kBends`), short of registers, do better without.
 template <bool kBends, class Lane, class Real, class Int>
 PALPATE_FORMULA void values_around(const typename Lane::Grid& grid, const FieldPixels& pixels,
                                    Int pixel, Int level, Real depth, typename Lane::Mask is_near,

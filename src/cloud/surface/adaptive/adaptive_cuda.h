@@ -64,7 +64,8 @@ class AdaptiveCuda {
   /// Submits the smoothing of the first images: from the raw frame of `job` to its depth, with the
   /// pixels that are too far.
   void enqueue(gpu::Stream& stream, const one_lane::FilterJob& job, int num_images) const;
-  /// Noise of the last image that is done, in memory of the host.
+  /// Noise of the last image that is done by itself (of a batch: of the first one of the last
+  /// launch), in memory of the host.
   const FrameNoise* noise() const { return job_.frame_noise; }
   /// True if free pixels are infinite in what `enqueue` makes.
   bool marks_far() const { return !is_small_; }

@@ -191,7 +191,7 @@ __global__ void __launch_bounds__(kSmallThreads, kSmallBlocks)
   }
 }
 
-/// Are two images at a time in a multiprocessor's shared memory?
+/// Does an image fit the shared memory of a block?
 inline bool fits_a_block(const LevelsCuda& levels, int gpu) {
   constexpr std::size_t kMaxBytes = 112 << 10;
   const std::size_t bytes = small_bytes(levels);
