@@ -145,16 +145,16 @@ def _by_pose(by_motion: torch.Tensor, asked: _Question, poses: torch.Tensor) -> 
     """
     inside = poses.to(by_motion)
     p_TC = _center_of(asked.tool, by_motion.device)
-    by_shift, by_turn = by_motion.split(3, 1)  # in derivatives one launch, unlike slices
+    by_shift, by_turn = torch.split(by_motion, 3, 1)  # in derivatives one launch, unlike slices
     if poses.ndim == 2:
         # Every operation is a launch on a GPU, and more in derivatives. Poses that are no poses have no force;
         # there the identity stands for them.
-        _, q = inside.split([3, 4], 1)
+        _, q = torch.split(inside, [3, 4], 1)
         length2 = q.detach().square().sum(1, keepdim=True)
         q = torch.where((length2 > 0) & (length2 < torch.inf), q, _identity(q.device))
         # turn = 2 vec(dq q*) / |q|^2, for any length of q
         per_length = 2 / q.square().sum(1, keepdim=True)
-        axis, w = q.split([3, 1], 1)
+        axis, w = torch.split(q, [3, 1], 1)
         by_turn = (by_turn + torch.linalg.cross(_rotated(axis, w, p_TC, per_length), by_shift)) * per_length
         by_axis = torch.addcmul(torch.linalg.cross(by_turn, axis), w, by_turn)
         return torch.cat([by_shift, by_axis, -(by_turn * axis).sum(1, keepdim=True)], 1).to(poses)
