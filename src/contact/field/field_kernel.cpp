@@ -9,14 +9,15 @@ namespace {
 // Vectors of elements, and their samples of the fields.
 template <class Sample, int kFields>
 struct Answers {
-  static constexpr int kMost = 2 * kNumVectors;  // of two clusters
+  static constexpr int kMaxVectors = 2 * kNumVectors;  // of two clusters
 
   int num = 0;
-  std::size_t slots[kMost];
-  std::uint32_t near[kMost];  // bits of the fields that are sampled
-  Lanes lanes[kMost];
-  Sample samples[kFields][kMost];
-  VecI is_touching[kFields][kMost];  // before the camera and nearer to the surface than a radius
+  std::size_t slots[kMaxVectors];
+  std::uint32_t near[kMaxVectors];  // bits of the fields that are sampled
+  Lanes lanes[kMaxVectors];
+  Sample samples[kFields][kMaxVectors];
+  VecI is_touching[kFields]
+                  [kMaxVectors];  // before the camera and nearer to the surface than a radius
 
   void add(std::size_t slot, std::uint32_t fields_near) {
     slots[num] = slot;
@@ -28,20 +29,20 @@ template <class Sample, int kFields>
 [[gnu::noinline]] void query_elements(const ElementRows& rows, const FieldFrame& frame,
                                       const Grid& grid, const Pixels (&fields)[kFields],
                                       Answers<Sample, kFields>& to) {
-  constexpr int kMost = Answers<Sample, kFields>::kMost;
+  constexpr int kMaxVectors = Answers<Sample, kFields>::kMaxVectors;
   for (int i = 0; i < to.num; ++i) to.lanes[i] = aim(rows, frame, grid, to.slots[i]);
   for (int k = 0; k < kFields; ++k) {
-    VecI(&is_touching)[kMost] = to.is_touching[k];
+    VecI(&is_touching)[kMaxVectors] = to.is_touching[k];
     for (int i = 0; i < to.num; ++i) {
       is_touching[i] = splat(-static_cast<std::int32_t>(to.near[i] >> k & 1));
     }
-    sample_together<kMost>(grid, fields[k], to.lanes, is_touching, to.num, 1, to.samples[k]);
+    sample_together<kMaxVectors>(grid, fields[k], to.lanes, is_touching, to.num, 1, to.samples[k]);
     for (int i = 0; i < to.num; ++i) {
       const Lanes& e = to.lanes[i];
       is_touching[i] &=
           (e.lz + frame.p_WC[2] > splat(kMinDepth)) & (first_of(to.samples[k][i]).phi < e.radius);
     }
-    deepen_together<kMost>(grid, fields[k], to.lanes, is_touching, to.num, to.samples[k]);
+    deepen_together<kMaxVectors>(grid, fields[k], to.lanes, is_touching, to.num, to.samples[k]);
   }
 }
 
@@ -61,15 +62,15 @@ template <class Sample, int kFields, class F>
                                                  const Pixels (&fields)[kFields], int group,
                                                  const std::uint32_t (&near)[kNumClusters],
                                                  Answers<Sample, kFields>& answers, const F& f) {
-  constexpr int kMost = Answers<Sample, kFields>::kMost;
+  constexpr int kMaxVectors = Answers<Sample, kFields>::kMaxVectors;
   for (int number = 0; number < kNumClusters;) {
-    int numbers[kMost], first[kMost], num = 0;
+    int numbers[kMaxVectors], first[kMaxVectors], num = 0;
     answers.num = 0;
     for (; number < kNumClusters; ++number) {
       if (near[number] == 0) continue;
       const int cluster = group * kNumClusters + number;
       const int num_vectors = (job.clusters->num_spheres(cluster) + kLanes - 1) / kLanes;
-      if (answers.num + num_vectors > kMost) break;
+      if (answers.num + num_vectors > kMaxVectors) break;
       numbers[num] = number;
       first[num++] = answers.num;
       for (int i = 0; i < num_vectors; ++i) {

@@ -10,7 +10,7 @@
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 
 /// Elements that sample one level each, without gaps between them, and their samples.
-template <class Sample, int kMost>
+template <class Sample, int kMax>
 class SampleList {
  public:
   [[gnu::always_inline]] void add(const PixelSpot<Vectors>& at, VecI level, VecF depth,
@@ -46,20 +46,20 @@ class SampleList {
   }
 
  private:
-  static constexpr int kSlots = kMost + kLanes, kNumbers = sizeof(Sample) / sizeof(VecF);
+  static constexpr int kSlots = kMax + kLanes, kNumbers = sizeof(Sample) / sizeof(VecF);
 
   int num_ = 0, taken_ = 0;
   alignas(64) std::int32_t pixel_[kSlots], level_[kSlots];
   alignas(64) float numbers_[3][kSlots], samples_[kNumbers][kSlots];
 };
 
-/// Samples a field for `num` of at most kMost vectors of elements, those in `which`, with radii
-/// that are `growth` times theirs.
-template <int kMost, class Sample>
+/// Samples a field for `num` of at most kMaxVectors vectors of elements, those in `which`, with
+/// radii that are `growth` times theirs.
+template <int kMaxVectors, class Sample>
 [[gnu::always_inline]] inline void sample_together(const Grid& grid, const Pixels& pixels,
                                                    const Lanes* elements, const VecI* which,
                                                    int num, float growth, Sample* to) {
-  if constexpr (kMost == 1) {  // nothing to pack
+  if constexpr (kMaxVectors == 1) {  // nothing to pack
     const Lanes& e = *elements;
     const Look look = look_of(grid, e, growth * e.radius);
     *to = sample_level<Vectors, Sample>(grid, pixels, look.own, look.levels.level, e.depth);
@@ -69,11 +69,11 @@ template <int kMost, class Sample>
     *to = with_wider(*to, next, look.levels, e.inverse_depth);
     return;
   }
-  SampleList<Sample, 2 * kMost * kLanes> smooth, near;
+  SampleList<Sample, 2 * kMaxVectors * kLanes> smooth, near;
   struct Packed {
     LevelChoice<Vectors> levels;
     std::uint32_t smooth, near, wider_smooth, wider_near;
-  } packed[kMost];
+  } packed[kMaxVectors];
   std::uint32_t are_packed = 0;  // bits of vectors
   const auto sample_smooth = [&](const PixelSpot<Vectors>& at, VecI level, VecF depth)
       __attribute__((always_inline)) {
@@ -127,12 +127,12 @@ template <int kMost, class Sample>
 }
 
 /// Samples wider pixels, too, for those in `which` that lie deep.
-template <int kMost, class Sample>
+template <int kMaxVectors, class Sample>
 [[gnu::always_inline]] inline void deepen_together(const Grid& grid, const Pixels& pixels,
                                                    const Lanes* elements, const VecI* which,
                                                    int num, Sample* known) {
-  VecI is_deep[kMost];
-  Sample wide[kMost];
+  VecI is_deep[kMaxVectors];
+  Sample wide[kMaxVectors];
   float growth = 1;
   for (int step = 0; step < kMaxDeepSteps; ++step) {
     VecI any{};
@@ -141,7 +141,7 @@ template <int kMost, class Sample>
       any |= is_deep[i];
     }
     if (mask_bits(any) == 0) return;
-    sample_together<kMost>(grid, pixels, elements, is_deep, num, kDeepGrowth * growth, wide);
+    sample_together<kMaxVectors>(grid, pixels, elements, is_deep, num, kDeepGrowth * growth, wide);
     for (int i = 0; i < num; ++i) {
       if (mask_bits(is_deep[i]) == 0) continue;
       const Sample deeper = deepened(known[i], wide[i], first_of(known[i]).phi,

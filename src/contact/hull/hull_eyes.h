@@ -5,7 +5,7 @@
 
 #include <type_traits>
 
-#include "src/contact/field/field_lanes.h"
+#include "src/contact/field/packed_samples.h"
 #include "src/contact/hull/depth_hull.h"
 #include "src/contact/internal/hull_rules.h"
 
@@ -54,6 +54,28 @@ struct EyeAnswer {
   Sample in_front[2][kNumVectors];        // by moment
   InSpace<Sample> front[2][kNumVectors];  // the same in the world, with wider pixels
 };
+
+/// Calls f(i) for each bit i that is set.
+template <class F>
+[[gnu::always_inline]] inline void for_each(std::uint32_t bits, const F& f) {
+  for (; bits != 0; bits &= bits - 1) f(__builtin_ctz(bits));
+}
+
+// Samples a field at moment f for some vectors.
+template <class Sample>
+void sample(const FieldPair& field, int f, const Lanes* lanes, std::uint32_t vectors, Sample* to) {
+  VecI all[kNumVectors] = {};
+  for_each(vectors, [&](int i) { all[i] = splat(-1); });
+  sample_together<kNumVectors>(field.grid, field.pixels[f], lanes, all, kNumVectors, 1, to);
+}
+// Samples wider pixels, too, where elements in `which` are deep.
+template <class Sample>
+void deepen(const FieldPair& field, int f, const Lanes* lanes, const VecI* which,
+            std::uint32_t vectors, Sample* known) {
+  VecI deep[kNumVectors] = {};
+  for_each(vectors, [&](int i) { deep[i] = which[i]; });
+  deepen_together<kNumVectors>(field.grid, field.pixels[f], lanes, deep, kNumVectors, known);
+}
 
 // Interpolates between a camera's two moments.
 template <class Space>

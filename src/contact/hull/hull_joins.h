@@ -4,9 +4,9 @@
 #pragma once
 
 #include "src/contact/field/ball_totals.h"
-#include "src/contact/field/packed_samples.h"
 #include "src/contact/hull/depth_hull.h"
 #include "src/contact/hull/hull_eyes.h"
+#include "src/contact/hull/kept_elements.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 
@@ -20,6 +20,9 @@ class Hull {
   Hull(const HullJob& job, const Eye* eyes, int& freed_by)
       : job_(job), eyes_(eyes), freed_by_(freed_by) {
     for (int k = 0; k < job.num_cameras; ++k) new (answers_ + k) EyeAnswer<Sample>;
+    may_pack_ =
+        !job.is_alone && !job.has_memory && job.num_seeing > 1 && job.tool.noise.num == nullptr;
+    for (int k = 0; k < job.num_seeing; ++k) may_pack_ &= job.cameras[k].may_see();
   }
 
   // Announces the elements that are sampled next, and a ball that contains those with a value.
@@ -35,22 +38,19 @@ class Hull {
 
   // Returns bits of `num` vectors from `slot` on, without those that some camera sees to be free.
   std::uint32_t evaluate(std::size_t slot, bool is_ball, int num) {
-    slot_ = slot;
-    open_ = (1u << num) - 1;
-    is_between_ = 0;
-    for (int i = 0; i < num; ++i) {
-      radius_[i] = load(rows_.radius + slot_of(i));
-      extent_[i] = extent_of(radius_[i], is_ball, i);
-      is_free_[i] = VecI{};
-      shallowest_[i] = splat(-1e9f);
-    }
-    if (!look(freed_by_, open_) || !look_on(freed_by_)) return 0;
+    start(rows_, slot, is_ball, num);
+    if (!look(freed_by_, open_)) return 0;
+    const std::uint32_t vectors = open_;
+    const bool is_packed = !is_ball && may_pack_ && pack(vectors);
+    if (!look_on(freed_by_)) return 0;
     join_seen_free();
     for_each(open_, [&](int i) {
       if (job_.has_memory) join_remembered(i);
       join_fields(i);
     });
-    return open_;
+    if (!is_packed) return open_;
+    unpack(vectors, slot);
+    return vectors;
   }
   // True if every element has a value. A single camera knows nothing of the space behind its eye.
   bool is_complete(int i) const {
@@ -74,17 +74,65 @@ class Hull {
     return at;
   }
 
-  JoinedViews<Space, VecF, VecI> joined[kNumVectors];
+  using Joined = typename KeptElements<Sample>::Joined;
+  Joined joined[kNumVectors];
 
  private:
   using Agreed = AgreedViews<Space, VecF, VecI>;
   using Least = LeastView<Space, VecF, VecI>;
 
   std::size_t slot_of(int i) const { return slot_ + static_cast<std::size_t>(i * kLanes); }
-  // Calls f(i) for the vectors whose bit is set.
-  template <class F>
-  [[gnu::always_inline]] static void for_each(std::uint32_t vectors, const F& f) {
-    for (; vectors != 0; vectors &= vectors - 1) f(__builtin_ctz(vectors));
+
+  // Begins with `num` vectors of elements.
+  void start(const ElementRows& rows, std::size_t slot, bool is_ball, int num) {
+    sampled_ = rows;
+    slot_ = slot;
+    open_ = (1u << num) - 1;
+    is_between_ = 0;
+    for (int i = 0; i < num; ++i) {
+      radius_[i] = load(sampled_.radius + slot_of(i));
+      extent_[i] = extent_of(radius_[i], is_ball, i);
+      is_free_[i] = VecI{};
+      shallowest_[i] = splat(-1e9f);
+    }
+  }
+
+  // Goes on with the elements alone that the first camera does not see to be free, if these fill
+  // fewer vectors.
+  bool pack(std::uint32_t vectors) {
+    const int num = kept_.begin(vectors, is_free_);
+    if (num == __builtin_popcount(vectors)) return false;
+    const Eye& eye = eyes_[freed_by_];
+    EyeAnswer<Sample>& answer = answers_[freed_by_];
+    for_each(vectors, [&](int i) {
+      kept_.pack(i, rows_, slot_of(i), shallowest_[i], answer, eye.num_fields);
+    });
+    start(kept_.rows(), 0, false, num);
+    for_each(open_, [&](int i) {
+      is_free_[i] = kept_.is_beyond(i);
+      shallowest_[i] = kept_.shallowest(i);
+      kept_.read(i, answer, eye.num_fields);
+    });
+    answer.used = open_;
+    if (eye.num_fields > 1) is_between_ = open_;
+    take_seats(eye, open_, answer);
+    return true;
+  }
+  // Returns joined values to the vectors that were packed, from `slot` on; all other elements are
+  // free.
+  void unpack(std::uint32_t vectors, std::size_t slot) {
+    const auto free = [](VecF radius) {
+      Joined away;
+      set(away.hull, SpaceGradient<VecF>{2.0f * radius});
+      away.seen_phi = 2.0f * radius;
+      return away;
+    };
+    for_each(answers_[freed_by_].used,
+             [&](int i) { kept_.keep(i, (open_ >> i & 1) != 0 ? joined[i] : free(radius_[i])); });
+    for_each(vectors, [&](int i) {
+      joined[i] = free(load(rows_.radius + slot + static_cast<std::size_t>(i * kLanes)));
+      kept_.unpack(i, joined[i]);
+    });
   }
 
   // Takes the first samples of the other cameras, until all elements are free by one.
@@ -245,7 +293,7 @@ class Hull {
   Space remembered_by(int k, int i, VecI counts) {
     const Eye& eye = eyes_[k];
     EyeAnswer<Sample>& answer = answers_[k];
-    if (k >= job_.num_seeing || (answer.used >> i & 1) == 0) take_seats(eye, i, answer);
+    if (k >= job_.num_seeing || (answer.used >> i & 1) == 0) take_seats(eye, 1u << i, answer);
     Space moments[2];
     for (int f = 0; f < eye.num_fields; ++f) {
       const int seat = eye.seat(f);
@@ -270,7 +318,7 @@ class Hull {
     for (int k = 0; k < job_.num_cameras; ++k) {
       if (!job_.cameras[k].may_see()) continue;
       const Eye& eye = eyes_[k];
-      if (k >= job_.num_seeing) take_seats(eye, i, answers_[k]);
+      if (k >= job_.num_seeing) take_seats(eye, 1u << i, answers_[k]);
       Space moments[2];
       for (int f = 0; f < eye.num_fields; ++f) {
         const int seat = eye.seat(f);
@@ -302,32 +350,18 @@ class Hull {
   void take_seat(const Grid& grid, const MeasureJob& job, std::uint32_t vectors, int seat,
                  EyeAnswer<Sample>& answer) const {
     for_each(vectors, [&](int i) {
-      Lanes& e = answer.lanes[seat][i] = aim(rows_, job.frame, grid, slot_of(i));
+      Lanes& e = answer.lanes[seat][i] = aim(sampled_, job.frame, grid, slot_of(i));
       answer.before[seat][i] = e.lz + (job.frame.p_WC[2] - kMinDepth);
     });
   }
   // At all its seats.
-  void take_seats(const Eye& eye, int i, EyeAnswer<Sample>& answer) const {
+  void take_seats(const Eye& eye, std::uint32_t vectors, EyeAnswer<Sample>& answer) const {
     for (int seat = 0; seat <= eye.seat(eye.num_fields - 1); ++seat) {
-      take_seat(eye.field.grid, seat == 0 ? eye.camera->field : eye.camera->older, 1u << i, seat,
+      take_seat(eye.field.grid, seat == 0 ? eye.camera->field : eye.camera->older, vectors, seat,
                 answer);
     }
   }
 
-  // Samples a field at moment f for some vectors.
-  static void sample(const FieldPair& field, int f, const Lanes* lanes, std::uint32_t vectors,
-                     Sample* to) {
-    VecI all[kNumVectors] = {};
-    for_each(vectors, [&](int i) { all[i] = splat(-1); });
-    sample_together<kNumVectors>(field.grid, field.pixels[f], lanes, all, kNumVectors, 1, to);
-  }
-  // Samples wider pixels where elements in `which` are deep.
-  static void deepen(const FieldPair& field, int f, const Lanes* lanes, const VecI* which,
-                     std::uint32_t vectors, Sample* known) {
-    VecI deep[kNumVectors] = {};
-    for_each(vectors, [&](int i) { deep[i] = which[i]; });
-    deepen_together<kNumVectors>(field.grid, field.pixels[f], lanes, deep, kNumVectors, known);
-  }
   // Samples a field at moment f for one vector, in the world.
   Space evaluate(const Eye& eye, const FieldPair& field, int f, const Lanes& e, VecI which, int i) {
     const VecI all = splat(-1);
@@ -341,12 +375,14 @@ class Hull {
   const HullJob& job_;
   const Eye* eyes_;
   int& freed_by_;
-  ElementRows rows_;
+  ElementRows rows_, sampled_;  // announced, and those of them that are sampled
+  bool may_pack_ = false;       // elements that the first camera sees to be free are left out
   union {
     EyeAnswer<Sample> answers_[kMaxCameras];  // as many as there are cameras
   };
   VecF shallowest_[kNumVectors], radius_[kNumVectors], extent_[kNumVectors];
   VecI is_free_[kNumVectors], may_touch_[kNumVectors];
+  KeptElements<Sample> kept_;
   std::size_t slot_ = 0;
   std::uint32_t open_ = 0, is_between_ = 0;  // bits of vectors
 };

@@ -213,12 +213,16 @@ inline VecI look_up(const LaneTable<std::int32_t>& table, VecI index) {
 }
 
 #if PALPATE_LANES == 4
-/// Bytes that bring the lanes whose bit is set to the front, and back from there.
+/// Bytes that bring the lanes whose bit is set to the front, and back from there; all others are
+/// those of lane 0.
 struct ByteOrders {
   alignas(16) std::uint8_t packing[16][16] = {}, unpacking[16][16] = {};
 
   constexpr ByteOrders() {
     for (unsigned bits = 0; bits < 16; ++bits) {
+      for (unsigned byte = 0; byte < 16; ++byte) {
+        packing[bits][byte] = unpacking[bits][byte] = static_cast<std::uint8_t>(byte % 4);
+      }
       unsigned place = 0;
       for (unsigned lane = 0; lane < 4; ++lane) {
         if ((bits >> lane & 1) == 0) continue;
@@ -253,7 +257,7 @@ inline VecI pick_bytes(VecI v, const std::uint8_t (&order)[16]) {
 #endif
 
 /// Writes the lanes whose bit is set to consecutive places; may also write up to kLanes values in
-/// all.
+/// all, behind them those of lane 0, or 0.
 template <class Vec, class Element>
 inline void compress_store(Element* to, Vec v, std::uint32_t bits) {
   static_assert(sizeof(Element) == 4);
