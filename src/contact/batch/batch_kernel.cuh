@@ -30,7 +30,8 @@ struct BatchJob {
 
 namespace {
 
-constexpr int kMaxWarps = 8;
+// Threads of a block, at most.
+constexpr int kBatchThreads = 4 * gpu::kWarpSize;
 // Clusters that a warp adds up in single precision.
 constexpr int kClustersAtOnce = gpu::kWarpSize;
 // A tool that covers more tiles counts as near without a look at them.
@@ -48,7 +49,7 @@ struct BatchScratch {
   FieldLook field;
   BatchPose at;
   Stiffness stiffness;
-  double of_warps[kMaxWarps][kNum];
+  double of_warps[kBatchThreads / gpu::kWarpSize][kNum];
   double sums[kNum];
   std::uint32_t status;
 };
@@ -91,7 +92,7 @@ __device__ void prepare(const BatchJob& job, int pose, Scratch& shared) {
 
 // Adds the elements of this lane and folds each sum over the warp: this lane's of_warp is then sum
 // number lane / 4, and its of_stiffness number `lane`.
-template <class Sample>
+template <class Sample, bool kHasWholes>
 __device__ void add_clusters(const BatchJob& job, const FieldLook& field, double& of_warp,
                              double& of_stiffness) {
   const ElementsView& elements = job.tool.elements;
@@ -100,8 +101,8 @@ __device__ void add_clusters(const BatchJob& job, const FieldLook& field, double
        begin += kClustersAtOnce * num_warps) {
     FieldShare share;
     StiffnessShare stiffness;
-    add_clusters<Sample>(elements, field, 1, false, begin, num_warps, kMaxTilesPerLane, share,
-                         &stiffness);
+    add_clusters<Sample, kHasWholes>(elements, field, 1, false, begin, num_warps, kMaxTilesPerLane,
+                                     share, &stiffness);
     double values[kNumTerms] = {share.volume,   share.potential, share.force[0],  share.force[1],
                                 share.force[2], share.torque[0], share.torque[1], share.torque[2]};
     fold_over_warp<kNumTerms / 2, 4>(values);
@@ -157,12 +158,13 @@ __device__ void put_stiffness(const BatchJob& job, int pose, Scratch& shared) {
   }
 }
 
-// Smallest number of blocks of a multiprocessor: gradients have so few that no register spills.
+// Number of such blocks that a multiprocessor has registers for. More of them hide more of what
+// they wait for, until too many numbers do not fit in registers.
 template <class Sample>
-constexpr int kBlocksOf = std::is_same_v<Sample, Curvature> ? 3 : 2;
+constexpr int kBlocksOf = std::is_same_v<Sample, Curvature> ? 4 : 5;
 
-template <class Sample>
-__global__ void __launch_bounds__(kThreadsOf<Sample>, kBlocksOf<Sample>)
+template <class Sample, bool kHasWholes>
+__global__ void __launch_bounds__(kBatchThreads, kBlocksOf<Sample>)
     measure_poses(const __grid_constant__ BatchJob job) {
   using Scratch = BatchScratch<Sample>;
   auto& shared = gpu::shared_memory<Scratch>();
@@ -171,7 +173,7 @@ __global__ void __launch_bounds__(kThreadsOf<Sample>, kBlocksOf<Sample>)
   double of_warp = 0, of_stiffness = 0;
   if (shared.status == 0 &&
       !is_in_front(shared.field, job.tool.whole, job.tool.largest_radius, kMaxTiles)) {
-    add_clusters<Sample>(job, shared.field, of_warp, of_stiffness);
+    add_clusters<Sample, kHasWholes>(job, gpu::kept(shared.field), of_warp, of_stiffness);
   }
   add_warps(of_warp, of_stiffness, shared);
   const BatchAnswers& out = job.out;

@@ -42,10 +42,8 @@ FieldBatchCuda::FieldBatchCuda(std::shared_ptr<const ToolIndex> index, const Fie
       table_(std::make_unique<Table>()) {
   // Fewer warps share less work, more of them finish sooner.
   const int num_clusters = field_tool_.elements.num_clusters;
-  const int fitting = num_clusters <= 8 ? 1 : (num_clusters <= 96 ? 4 : 8);
-  for (int& warps : num_warps_) warps = num_warps > 0 ? num_warps : fitting;
-  num_warps_[1] = std::min(num_warps_[1], kThreadsOf<Curvature> / gpu::kWarpSize);
-  num_warps_[0] = std::min(num_warps_[0], kThreadsOf<Gradient> / gpu::kWarpSize);
+  const int fitting = num_clusters <= 8 ? 1 : (num_clusters <= 256 ? 2 : 4);
+  num_warps_ = std::min(num_warps > 0 ? num_warps : fitting, kBatchThreads / gpu::kWarpSize);
 }
 
 FieldBatchCuda::~FieldBatchCuda() = default;
@@ -202,12 +200,17 @@ Status FieldBatchCuda::place_cameras(std::span<const Pose> X_WC, gpu::Stream& st
 }
 
 void FieldBatchCuda::launch(const BatchJob& job, int num_poses, gpu::Stream& stream) const {
-  const bool with_stiffness = job.out.stiffness != nullptr;
+  const auto kernel = [&](auto has_wholes) {
+    return job.out.stiffness != nullptr ? measure_poses<Curvature, has_wholes>
+                                        : measure_poses<Gradient, has_wholes>;
+  };
+  const bool has_wholes = field_tool_.elements.first_ball >= kMinWholes;
   const gpu::LaunchShape shape{.blocks = num_poses,
-                               .threads = num_warps_[with_stiffness] * gpu::kWarpSize,
-                               .shared_bytes = with_stiffness ? sizeof(BatchScratch<Curvature>)
-                                                              : sizeof(BatchScratch<Gradient>)};
-  gpu::launch(stream, shape, with_stiffness ? measure_poses<Curvature> : measure_poses<Gradient>,
+                               .threads = num_warps_ * gpu::kWarpSize,
+                               .shared_bytes = job.out.stiffness != nullptr
+                                                   ? sizeof(BatchScratch<Curvature>)
+                                                   : sizeof(BatchScratch<Gradient>)};
+  gpu::launch(stream, shape, has_wholes ? kernel(std::true_type{}) : kernel(std::false_type{}),
               job);
 }
 

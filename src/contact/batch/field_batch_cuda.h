@@ -17,7 +17,7 @@ struct BatchJob;  // the argument of the kernel
 /// All memory is allocated at construction or by `reserve`, or with the first batch that needs it.
 class FieldBatchCuda final : public BatchQuery {
  public:
-  /// `num_warps`: of a block, 1 to 8; 0: as fits the tool. The bits depend on it. `max_staged`:
+  /// `num_warps`: of a block, 1 to 4; 0: as fits the tool. The bits depend on it. `max_staged`:
   /// largest number of poses from host memory, or of answers to it, on the GPU at a time.
   FieldBatchCuda(std::shared_ptr<const ToolIndex> index, const FieldMethod& method, int gpu,
                  int num_warps = 0, int max_staged = 1 << 16);
@@ -52,7 +52,7 @@ class FieldBatchCuda final : public BatchQuery {
                     BatchJob& job, gpu::Stream& stream) const;
 
   std::shared_ptr<const ToolIndex> index_;
-  int gpu_, num_warps_[2];  // without stiffness, with one
+  int gpu_, num_warps_;  // of a block
   int max_staged_;
   gpu::Memory memory_;
   FieldTool field_tool_;

@@ -65,22 +65,34 @@ __device__ __noinline__ void add_ball(const float* places, float count, const El
   }
 }
 
-// Adds a ball in parts against one field. The whole warp calls.
+// Adds a ball in parts by the samples of its parts. The whole warp calls.
 template <class Sample>
 __device__ void add_ball(const FieldLook& field, const float* places, float count, const Element& e,
-                         FieldShare& sum, StiffnessShare* sums) {
-  constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
+                         const ElementLook& at, const Sample& sample, FieldShare& sum,
+                         StiffnessShare* sums) {
   const bool is_before_camera = e.p[2] > kMinDepth;
-  const float p[3] = {e.p[0], e.p[1], is_before_camera ? e.p[2] : kMinDepth};
-  const ElementLook at = look_at(field.frame, p);
-  auto here = in_space(field.frame, at, query_deep<Sample>(field, at, e.radius));
+  auto here = in_space(field.frame, at, sample);
   // Values far off are limited, as in the depth hull.
   const float extent = (gpu::lane_id() < kNumBallParts ? kPartExtent : 1.0f) * e.radius;
   here = composed(limited(first_of(here).phi, e.radius, extent), here);
   const SpaceGradient<float>& first = first_of(here);
-  add_ball<kWithStiffness>(places, count, e, first.phi, is_before_camera && first.phi < e.radius,
-                           is_before_camera, {first.x, first.y, first.z}, second_of(here), sum,
-                           sums);
+  add_ball<std::is_same_v<Sample, Curvature>>(
+      places, count, e, first.phi, is_before_camera && first.phi < e.radius, is_before_camera,
+      {first.x, first.y, first.z}, second_of(here), sum, sums);
+}
+
+// Looks at an element, also at one that is not before the camera.
+__device__ inline ElementLook look_before(const FieldFrame& frame, const Element& e) {
+  const float p[3] = {e.p[0], e.p[1], e.p[2] > kMinDepth ? e.p[2] : kMinDepth};
+  return look_at(frame, p);
+}
+
+// Adds a ball in parts against one field. The whole warp calls.
+template <class Sample>
+__device__ void add_ball(const FieldLook& field, const float* places, float count, const Element& e,
+                         FieldShare& sum, StiffnessShare* sums) {
+  const ElementLook at = look_before(field.frame, e);
+  add_ball(field, places, count, e, at, query_deep<Sample>(field, at, e.radius), sum, sums);
 }
 
 }}}  // namespace palpate::v0

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -21,8 +22,12 @@ template <int kNumFields>
 struct FieldQuery {
   ElementsView elements;
   int max_tiles;  // of a cluster that is left out if they are in front: pays if warps have several
+  bool looks_together;  // all lanes at the tiles of a cluster: pays if many warps have one each
   FieldLook fields[kNumFields];
 };
+
+// Number of clusters that keep multiprocessors busy.
+constexpr int kManyClusters = 1024;
 
 // Shared memory of a block.
 template <class Sample>
@@ -30,12 +35,24 @@ constexpr std::size_t kSharedBytes = std::is_same_v<Sample, Curvature>
                                          ? sizeof(FinishStiffnessScratch)
                                          : sizeof(FinishScratch);
 
+// Every thread calls this last.
+template <class Sample>
+__device__ void finish(const MeasureOutput& out, const FieldShare& share,
+                       const StiffnessShare& stiffness) {
+  MeasureTerms mine;
+  add_share(share, mine);
+  if constexpr (std::is_same_v<Sample, Curvature>) {
+    finish_measure(out, mine, stiffness.numbers, gpu::shared_memory<FinishStiffnessScratch>());
+  } else {
+    finish_measure(out, mine, gpu::shared_memory<FinishScratch>());
+  }
+}
+
 // Three blocks of 256 threads on a multiprocessor leave each thread the registers that it needs.
 template <int kNumFields, class Sample>
 __global__ void __launch_bounds__(kThreadsOf<Sample>, 3)
     measure_elements(const __grid_constant__ FieldQuery<kNumFields> query,
                      const __grid_constant__ MeasureOutput out) {
-  constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   const ElementsView& elements = query.elements;
   FieldShare share;
   StiffnessShare stiffness;
@@ -46,18 +63,86 @@ __global__ void __launch_bounds__(kThreadsOf<Sample>, 3)
     for (int k = 0; k < kNumFields; ++k) {
       const FieldLook& field = query.fields[k];
       if (kNumFields > 1 && field.grid.last_level < 0) continue;
-      add_clusters<Sample>(elements, field, kNumFields > 1 ? field.weight : 1.0f,
-                           k == kNumFields - 1, begin, num_warps, query.max_tiles, share,
-                           &stiffness);
+      if (query.looks_together &&
+          is_in_front(field, elements.clusters[begin], elements.largest_radius[begin])) {
+        continue;
+      }
+      add_clusters<Sample, true, true>(elements, field, kNumFields > 1 ? field.weight : 1.0f,
+                                       k == kNumFields - 1, begin, num_warps, query.max_tiles,
+                                       share, &stiffness);
     }
   }
-  MeasureTerms mine;
-  add_share(share, mine);
-  if constexpr (kWithStiffness) {
-    finish_measure(out, mine, stiffness.numbers, gpu::shared_memory<FinishStiffnessScratch>());
-  } else {
-    finish_measure(out, mine, gpu::shared_memory<FinishScratch>());
+  finish<Sample>(out, share, stiffness);
+}
+
+// A tool of few clusters leaves most of a GPU idle, and what takes time is one sample after another
+// of what lies deep. So a block takes one cluster, and each of its warps one of the spheres that
+// its elements may need.
+constexpr int kFewThreads = (kMaxDeepSteps + 1) * gpu::kWarpSize;
+
+template <class Sample>
+struct FewScratch {
+  static constexpr int kNum = sizeof(Sample) / sizeof(float);
+
+  float samples[kMaxDeepSteps + 1][kNum][gpu::kWarpSize];
+
+  __device__ void store(int step, const Sample& sample) {
+    float numbers[kNum];
+    memcpy(numbers, &sample, sizeof sample);
+    for (int i = 0; i < kNum; ++i) samples[step][i][gpu::lane_id()] = numbers[i];
   }
+  __device__ Sample load(int step) const {
+    float numbers[kNum];
+    for (int i = 0; i < kNum; ++i) numbers[i] = samples[step][i][gpu::lane_id()];
+    Sample sample;
+    memcpy(&sample, numbers, sizeof sample);
+    return sample;
+  }
+};
+
+template <class Sample>
+constexpr std::size_t kFewBytes = std::max(kSharedBytes<Sample>, sizeof(FewScratch<Sample>));
+
+// Adds a cluster against one field. The whole block calls.
+template <class Sample>
+__device__ void add_together(const ElementsView& elements, const FieldLook& field, float weight,
+                             bool counted, int cluster, FieldShare& share, StiffnessShare* sums) {
+  auto& shared = gpu::shared_memory<FewScratch<Sample>>();
+  Element e = element_of(elements, cluster, field.frame);
+  e.factor *= weight;
+  e.is_counted = e.is_counted && counted;
+  const ElementLook at = look_before(field.frame, e);
+  LevelSteps<OneLane<float>, float> steps(field.grid, e.radius, at.inverse_depth);
+  steps.go_on(field.grid, gpu::warp_id());
+  shared.store(gpu::warp_id(), query_steps<Sample>(field.grid, field.pixels, at.u, at.v, at.depth,
+                                                   at.inverse_depth, steps));
+  __syncthreads();
+  if (gpu::warp_id() == 0) {
+    const auto sample = deepest<Sample>(e.radius, [&](int step) { return shared.load(step); });
+    if (cluster >= elements.first_ball) {
+      add_ball(field, elements.places, elements.ball_factor[cluster] * weight, e, at, sample, share,
+               sums);
+    } else if (e.p[2] > kMinDepth) {
+      add_sample(field, e, at, sample, share, sums);
+    }
+  }
+  __syncthreads();
+}
+
+template <int kNumFields, class Sample>
+__global__ void __launch_bounds__(kFewThreads)
+    measure_few(const __grid_constant__ FieldQuery<kNumFields> query,
+                const __grid_constant__ MeasureOutput out) {
+  FieldShare share;
+  StiffnessShare stiffness;
+#pragma unroll
+  for (int k = 0; k < kNumFields; ++k) {
+    const FieldLook& field = query.fields[k];
+    if (kNumFields > 1 && field.grid.last_level < 0) continue;
+    add_together<Sample>(query.elements, field, kNumFields > 1 ? field.weight : 1.0f,
+                         k == kNumFields - 1, static_cast<int>(blockIdx.x), share, &stiffness);
+  }
+  finish<Sample>(out, share, stiffness);
 }
 
 /// State of a sphere and the plane that it is cut by, in T.
@@ -129,19 +214,24 @@ int max_blocks(int gpu, Kernel* kernel, int threads, std::size_t shared_bytes) {
   return gpu::resident_blocks(gpu, reinterpret_cast<const void*>(kernel), threads, shared_bytes);
 }
 
+bool are_few(int num_clusters) { return num_clusters < kMinWholes; }
+
 template <class Sample>
-int measure_blocks(int gpu, int num_clusters) {
+int measure_blocks(int gpu, int num_clusters, int num_blocks) {
+  if (are_few(num_clusters)) return num_clusters;
   constexpr int kThreads = kThreadsOf<Sample>;
-  return blocks_for(
-      num_clusters * SphereClusters::kSize, kThreads,
-      std::min(max_blocks(gpu, measure_elements<1, Sample>, kThreads, kSharedBytes<Sample>),
-               max_blocks(gpu, measure_elements<2, Sample>, kThreads, kSharedBytes<Sample>)));
+  if (num_blocks == 0) {
+    num_blocks =
+        std::min(max_blocks(gpu, measure_elements<1, Sample>, kThreads, kSharedBytes<Sample>),
+                 max_blocks(gpu, measure_elements<2, Sample>, kThreads, kSharedBytes<Sample>));
+  }
+  return blocks_for(num_clusters * SphereClusters::kSize, kThreads, num_blocks);
 }
 
 }  // namespace
 
 FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
-                                   const FieldMethod& method, int gpu)
+                                   const FieldMethod& method, int gpu, int num_blocks)
     : ContactQuery(std::move(index), method),
       center_of_mass_(this->index()->tool().sphere_mass().center_of_mass),
       num_spheres_(static_cast<int>(this->index()->tool().spheres().size())),
@@ -150,9 +240,10 @@ FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
       stream_(gpu, gpu::Priority::high),
       fields_(gpu),
       in_front_(gpu),
-      answers_(gpu, measure_blocks<Gradient>(gpu, field_tool_.elements.num_clusters)),
-      stiffness_answers_(gpu, measure_blocks<Curvature>(gpu, field_tool_.elements.num_clusters),
-                         AnswerBox::kMaxNumbers),
+      answers_(gpu, measure_blocks<Gradient>(gpu, field_tool_.elements.num_clusters, num_blocks)),
+      stiffness_answers_(
+          gpu, measure_blocks<Curvature>(gpu, field_tool_.elements.num_clusters, num_blocks),
+          AnswerBox::kMaxNumbers),
       states_(memory_.take<SphereState>(static_cast<std::size_t>(num_spheres_))),
       planes_(memory_.take<Plane<float>>(static_cast<std::size_t>(num_spheres_))),
       deciders_(memory_.take<std::int8_t>(static_cast<std::size_t>(num_spheres_))),
@@ -255,14 +346,21 @@ ContactResult FieldContactCuda::evaluate(const FieldQuestion& question,
     num_missing += field.num_levels == 0;
   }
   if (num_missing == kNumFields) return unmeasured(StepStatus::no_surface, wants, true);
-  constexpr int kThreads = kThreadsOf<Sample>;
   query.elements = field_tool_.elements;
-  const int num_warps = answers.num_blocks() * kThreads / gpu::kWarpSize;
-  query.max_tiles = query.elements.num_clusters > num_warps ? kMaxTilesPerLane : 0;
-  gpu::launch(
-      stream_,
-      {.blocks = answers.num_blocks(), .threads = kThreads, .shared_bytes = kSharedBytes<Sample>},
-      measure_elements<kNumFields, Sample>, query, answers.next());
+  const int num_clusters = query.elements.num_clusters, num_blocks = answers.num_blocks();
+  if (are_few(num_clusters)) {
+    gpu::launch(stream_,
+                {.blocks = num_blocks, .threads = kFewThreads, .shared_bytes = kFewBytes<Sample>},
+                measure_few<kNumFields, Sample>, query, answers.next());
+  } else {
+    constexpr int kThreads = kThreadsOf<Sample>;
+    const int num_warps = num_blocks * kThreads / gpu::kWarpSize;
+    query.max_tiles = num_clusters > num_warps ? kMaxTilesPerLane : 0;
+    query.looks_together = num_clusters <= num_warps && num_clusters >= kManyClusters;
+    gpu::launch(stream_,
+                {.blocks = num_blocks, .threads = kThreads, .shared_bytes = kSharedBytes<Sample>},
+                measure_elements<kNumFields, Sample>, query, answers.next());
+  }
   if (!answers.await(stream_)) return unmeasured(StepStatus::backend_failed, wants, true);
   ContactResult result{answers.answer().penetration(), {}, {}};
   if (num_missing > 0) result.penetration.status |= StepStatus::no_surface;

@@ -23,7 +23,9 @@ struct FieldQuestion {
 /// construction, but that of copies of fields that lie elsewhere: with the first field of its size.
 class FieldContactCuda final : public ContactQuery {
  public:
-  FieldContactCuda(std::shared_ptr<const ToolIndex> index, const FieldMethod& method, int gpu);
+  /// `num_blocks`: largest number for a large tool; 0: as many as run at once.
+  FieldContactCuda(std::shared_ptr<const ToolIndex> index, const FieldMethod& method, int gpu,
+                   int num_blocks = 0);
 
   using ContactQuery::measure;
   /// As FieldContact, to 1e-5 of its results, in one launch; the same bits on every run. With a

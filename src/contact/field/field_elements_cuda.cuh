@@ -1,13 +1,14 @@
 // Samples of a depth field at the elements of a tool on a GPU, and their sums.
 #pragma once
 
+#include <cstring>
 #include <type_traits>
 
 #include "src/contact/cuda/query_answer.h"
 #include "src/contact/field/field_tool_cuda.h"
 #include "src/contact/internal/ball_cut.h"
 #include "src/contact/internal/hull_rules.h"
-#include "src/field/internal/field_sampler.h"
+#include "src/field/internal/deep_query.h"
 #include "src/gpu/internal/team.cuh"
 
 namespace palpate { inline namespace v0 {
@@ -105,7 +106,7 @@ struct ElementLook {
 __device__ inline ElementLook look_at(const FieldFrame& frame, const float (&p)[3]) {
   ElementLook look;
   look.depth = p[2];
-  look.inverse_depth = 1.0f / look.depth;
+  look.inverse_depth = __frcp_rn(look.depth);
   look.from_u = frame.fx * p[0] * look.inverse_depth;
   look.from_v = frame.fy * p[1] * look.inverse_depth;
   look.u = look.from_u + frame.cx;
@@ -118,6 +119,35 @@ template <class Sample>
 __device__ Sample query_deep(const FieldLook& field, const ElementLook& at, float radius) {
   return query_deep<OneLane<float>, Sample>(field.grid, field.pixels, at.u, at.v, at.depth,
                                             at.inverse_depth, radius);
+}
+
+// Returns the sample of another lane. The whole warp calls.
+template <class Sample>
+__device__ Sample sample_of(const Sample& mine, int lane) {
+  float numbers[sizeof(Sample) / sizeof(float)];
+  memcpy(numbers, &mine, sizeof mine);
+  for (float& number : numbers) number = __shfl_sync(gpu::kWholeWarp, number, lane);
+  Sample other;
+  memcpy(&other, numbers, sizeof other);
+  return other;
+}
+
+// Samples one sphere, the same in all lanes: each level of each of the spheres that it may need by
+// a lane of its own. The whole warp calls.
+template <class Sample>
+__device__ Sample query_by_lanes(const FieldLook& field, const ElementLook& at, float radius) {
+  using Lane = OneLane<float>;
+  static_assert(2 * (kMaxDeepSteps + 1) <= gpu::kWarpSize);
+  const int lane = gpu::lane_id(), step = lane / 2;
+  LevelSteps<Lane, float> steps(field.grid, radius, at.inverse_depth);
+  steps.go_on(field.grid, step < kMaxDeepSteps ? step : kMaxDeepSteps);
+  const LevelChoice<Lane>& levels = steps.levels;
+  const int level = lane % 2 == 0 ? levels.level : levels.wider;
+  Sample here = sample_level<Lane, Sample>(
+      field.grid, field.pixels, spot_at<Lane>(field.grid, at.u, at.v, level), level, at.depth);
+  const Sample wider = sample_of(here, lane ^ 1);
+  if (levels.blend() > 0) here = with_wider(here, wider, levels, at.inverse_depth);
+  return deepest<Sample>(radius, [&](int k) { return sample_of(here, 2 * k); });
 }
 
 // Adds an element cut at `phi` whose volume shrinks by `disc` phi: the field has this gradient
@@ -159,25 +189,23 @@ __device__ inline void add_cut(const Element& e, float phi, const Gradient3<floa
   if (e.is_counted) ++(phi <= -e.radius ? sum.num_inside : sum.num_boundary);
 }
 
+// Adds an element by its sample, if it touches. `sums` is null if Sample is a Gradient.
+template <class Sample>
+__device__ void add_sample(const FieldLook& field, const Element& e, const ElementLook& at,
+                           const Sample& sample, FieldShare& sum, StiffnessShare* sums) {
+  if (!(first_of(sample).phi < e.radius)) return;
+  const auto here = in_space(field.frame, at, sample);
+  const SpaceGradient<float>& g = first_of(here);
+  add_cut<std::is_same_v<Sample, Curvature>>(e, g.phi, {g.x, g.y, g.z}, second_of(here), sum, sums);
+}
+
 // Adds an element against one field. `sums` is null if Sample is a Gradient.
 template <class Sample>
 __device__ void add_element(const FieldLook& field, const Element& e, FieldShare& sum,
                             StiffnessShare* sums) {
-  constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   if (!(e.p[2] > kMinDepth)) return;
   const ElementLook at = look_at(field.frame, e.p);
-  if constexpr (kWithStiffness) {
-    // Few elements touch the surface, and only their second derivatives are computed.
-    const auto look = look_at<OneLane<float>>(field.grid, at.u, at.v, at.inverse_depth, e.radius);
-    const auto g =
-        query_field<Gradient>(field.grid, field.pixels, look, at.depth, at.inverse_depth);
-    if (!(g.phi < e.radius)) return;
-  }
-  const Sample answer = query_deep<Sample>(field, at, e.radius);
-  if (!(first_of(answer).phi < e.radius)) return;
-  const auto here = in_space(field.frame, at, answer);
-  const SpaceGradient<float>& g = first_of(here);
-  add_cut<kWithStiffness>(e, g.phi, {g.x, g.y, g.z}, second_of(here), sum, sums);
+  add_sample(field, e, at, query_deep<Sample>(field, at, e.radius), sum, sums);
 }
 
 /// Adds the sums of a thread.

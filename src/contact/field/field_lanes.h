@@ -31,7 +31,6 @@ struct Vectors {
   static constexpr bool kHasMany = true;
 
   [[gnu::always_inline]] static bool is_any(VecI mask) { return mask_bits(mask) != 0; }
-  [[gnu::always_inline]] static bool is_any_together(VecI mask) { return is_any(mask); }
   [[gnu::always_inline]] static VecI whole(VecF numbers) { return to_int(numbers); }
   [[gnu::always_inline]] static VecF real(VecI numbers) { return to_float(numbers); }
   [[gnu::always_inline]] static VecI exponent(VecF numbers) {

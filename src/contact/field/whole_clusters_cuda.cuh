@@ -59,32 +59,38 @@ __device__ void add_whole(const Element& e, float polar, const Curved<float>& sh
 /// Adds up to 32 clusters against one field: every `step`-th from `begin` on. Elements count
 /// `weight` times, and as spheres if this is `counted`. Clusters that cover no more than
 /// `max_tiles` tiles are left out if these are all in front. `sums` is null if Sample is a
-/// Gradient. The whole warp calls.
-template <class Sample>
+/// Gradient. `kHasWholes`: clusters may count as one ball. `kMayBeAlone`: a warp that has one
+/// cluster samples its ball by all lanes. The whole warp calls.
+template <class Sample, bool kHasWholes, bool kMayBeAlone = false>
 __device__ void add_clusters(const ElementsView& elements, const FieldLook& field, float weight,
                              bool counted, int begin, int step, int max_tiles, FieldShare& share,
                              StiffnessShare* sums) {
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
+  const bool is_alone = kMayBeAlone && begin + step >= elements.num_clusters;
   const int mine = begin + gpu::lane_id() * step;
   const bool is_near = mine < elements.num_clusters &&
                        !is_before_tiles(field, elements.clusters[mine],
                                         elements.largest_radius[mine], max_tiles, 0, 1);
   Element ball{};
+  Gradient at_ball{};
   float whole = 0;  // share of the ball
-  if (is_near && mine < elements.first_ball && elements.first_ball >= kMinWholes) {
-    ball = element_of(elements.wholes[mine], weight * elements.whole_factors[mine], field.frame);
+  const int number = is_alone ? begin : mine;
+  if (kHasWholes && (is_alone || is_near) && number < elements.first_ball &&
+      elements.first_ball >= kMinWholes) {
+    ball =
+        element_of(elements.wholes[number], weight * elements.whole_factors[number], field.frame);
     if (ball.p[2] > kMinDepth) {
       const ElementLook at = look_at(field.frame, ball.p);
-      whole =
-          whole_share(query_deep<Gradient>(field, at, ball.radius).phi, elements.whole_depths[mine])
-              .value;
+      at_ball = is_alone ? query_by_lanes<Gradient>(field, at, ball.radius)
+                         : query_deep<Gradient>(field, at, ball.radius);
+      if (is_near) whole = whole_share(at_ball.phi, elements.whole_depths[mine]).value;
     }
   }
   KeptSums kept;
   for (unsigned touching = __ballot_sync(gpu::kWholeWarp, is_near && whole < 1.0f); touching != 0;
        touching &= touching - 1) {
     const int lane = __ffs(static_cast<int>(touching)) - 1, cluster = begin + lane * step;
-    const float left = 1.0f - __shfl_sync(gpu::kWholeWarp, whole, lane);
+    const float left = kHasWholes ? 1.0f - __shfl_sync(gpu::kWholeWarp, whole, lane) : 1.0f;
     Element element = element_of(elements, cluster, field.frame);
     element.factor *= weight * left;
     element.is_counted = element.is_counted && counted;
@@ -92,19 +98,34 @@ __device__ void add_clusters(const ElementsView& elements, const FieldLook& fiel
     if (cluster < elements.first_ball) {
       add_element<Sample>(field, element, of_cluster, sums);
     } else {
-      add_ball<Sample>(field, elements.places, elements.ball_factor[cluster] * weight, element,
-                       of_cluster, sums);
+      // Arguments of a call lie in memory: these do, and not those of other clusters.
+      const Element of_ball = element;
+      FieldShare sum;
+      StiffnessShare numbers;
+      add_ball<Sample>(field, elements.places, elements.ball_factor[cluster] * weight, of_ball, sum,
+                       &numbers);
+      of_cluster = sum;
+      if constexpr (kWithStiffness) {
+#pragma unroll
+        for (int k = 0; k < StiffnessSums::kNum; ++k) sums->numbers[k] += numbers.numbers[k];
+      }
     }
     share.add(of_cluster);
-    if (left < 1.0f) {
+    if (kHasWholes && left < 1.0f) {
       KeptSums all;
       all.keep(of_cluster, left);
       if (gpu::lane_id() == lane) kept = all;
     }
   }
-  if (!(whole > 0.0f)) return;
+  if (!kHasWholes || !(whole > 0.0f)) return;
   const ElementLook at = look_at(field.frame, ball.p);
-  const auto here = in_space(field.frame, at, query_deep<Sample>(field, at, ball.radius));
+  Sample sample;
+  if constexpr (kWithStiffness) {
+    sample = query_deep<Sample>(field, at, ball.radius);
+  } else {
+    sample = at_ball;
+  }
+  const auto here = in_space(field.frame, at, sample);
   const SpaceGradient<float>& g = first_of(here);
   const Curved<float> part = whole_share(g.phi, elements.whole_depths[mine]);
   add_whole<kWithStiffness>(ball, weight * elements.whole_polars[mine], part, kept, g,

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "src/field/internal/field_sampler.h"
+#include "src/field/internal/deep_query.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -38,8 +38,8 @@ PALPATE_FORMULA Curved<Value> spline(const Value& left, const Value& middle, con
   const Value from_left = left - middle, from_right = right - middle;
   const Real a = 0.5f - t, b = 0.5f + t;
   const Real half_aa = 0.5f * a * a, half_bb = 0.5f * b * b;
-  return {middle + from_left * half_aa + from_right * half_bb, from_right * b - from_left * a,
-          from_left + from_right};
+  return {fused(from_right, half_bb, fused(from_left, half_aa, middle)),
+          fused(from_right, b, -(from_left * a)), from_left + from_right};
 }
 
 /// Width of the sampled pixel over the radius of the sphere. With 0.87 the B-spline has the second
@@ -181,9 +181,9 @@ template <class Real>
 PALPATE_FORMULA ImageGradient<Real> mixed(const ImageGradient<Real>& g,
                                           const ImageGradient<Real>& next, Real blend, Real by_z) {
   const Real change = next.phi - g.phi;
-  return {g.phi + blend * change, g.by_u + blend * (next.by_u - g.by_u),
-          g.by_v + blend * (next.by_v - g.by_v),
-          g.by_z + blend * (next.by_z - g.by_z) + change * by_z};
+  return {fused(blend, change, g.phi), fused(blend, next.by_u - g.by_u, g.by_u),
+          fused(blend, next.by_v - g.by_v, g.by_v),
+          fused(change, by_z, fused(blend, next.by_z - g.by_z, g.by_z))};
 }
 
 }}  // namespace palpate::v0

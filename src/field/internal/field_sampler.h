@@ -78,14 +78,6 @@ struct OneLane {
   PALPATE_FORMULA static bool is_near_silhouette(const FieldPixels& pixels, Int pixel) {
     return pixels.near_silhouette[pixel] != 0;
   }
-  /// True for any of the threads that a GPU runs together.
-  PALPATE_FORMULA static bool is_any_together(bool mask) {
-#ifdef __CUDA_ARCH__
-    return __any_sync(__activemask(), mask);
-#else
-    return mask;
-#endif
-  }
   /// Reads the planes of three pixels from `pixel` on: offset, slope, offset, ...
   PALPATE_FORMULA static void read_planes(const float* planes, Int pixel, Real (&pairs)[6]) {
     const auto* const from = reinterpret_cast<const PlanePair*>(planes) + pixel;
@@ -208,8 +200,13 @@ PALPATE_FORMULA void planes_around(const typename Lane::Grid& grid, const FieldP
                                    Int pixel, Real depth, Curved<Real> (&values)[3][3],
                                    const Each& each) {
   for (int q = 0; q < 3; ++q) {
+    const std::int32_t first = (q - 1) * grid.stride - 1;
     Real pairs[6];
-    Lane::read_planes(pixels.planes + 2 * std::ptrdiff_t{(q - 1) * grid.stride - 1}, pixel, pairs);
+    if constexpr (Lane::kHasMany) {
+      Lane::read_planes(pixels.planes + 2 * std::ptrdiff_t{first}, pixel, pairs);
+    } else {
+      Lane::read_planes(pixels.planes, pixel + first, pairs);
+    }
     for (int p = 0; p < 3; ++p) {
       values[q][p] = plane_value(pairs[2 * p], pairs[2 * p + 1], depth);
       each(q, p, values[q][p]);
@@ -293,9 +290,10 @@ PALPATE_FORMULA Sample sample_values(const typename Lane::Grid& grid, const Fiel
   return splined<false, Lane, Sample>(values, at, Lane::inverse_power(level));
 }
 template <class Lane, class Sample, class Real, class Int>
-[[gnu::noinline]] Sample sample_by_call(const typename Lane::Grid& grid, const FieldPixels& pixels,
-                                        const PixelSpot<Lane>& at, Int level, Real depth,
-                                        typename Lane::Mask is_near) {
+[[gnu::noinline]] PALPATE_HOSTDEV Sample sample_by_call(const typename Lane::Grid& grid,
+                                                        const FieldPixels& pixels,
+                                                        const PixelSpot<Lane>& at, Int level,
+                                                        Real depth, typename Lane::Mask is_near) {
   return sample_values<Lane, Sample>(grid, pixels, at, level, depth, is_near);
 }
 
@@ -316,25 +314,25 @@ template <class Lane, class Sample, class Real, class Int>
 PALPATE_FORMULA Sample sample_level(const typename Lane::Grid& grid, const FieldPixels& pixels,
                                     const PixelSpot<Lane>& at, Int level, Real depth,
                                     typename Lane::Mask is_near, bool are_smooth) {
-  if (are_smooth) {
-    Curved<Real> values[3][3];
+  Curved<Real> values[3][3];
+  const auto read = [&] {
     planes_around<Lane>(grid, pixels, at.pixel, depth, values, [](int, int, Curved<Real>&) {});
+  };
+  if constexpr (!Lane::kHasMany) read();  // before anything waits for the answer
+  if (are_smooth) {
+    if constexpr (Lane::kHasMany) read();
     if (have_no_back<Lane>(values, grid.thickness)) {
       return splined<true, Lane, Sample>(values, at, Lane::inverse_power(level));
     }
   }
-  if constexpr (Lane::kHasMany) {
-    return sample_by_call<Lane, Sample>(grid, pixels, at, level, depth, is_near);
-  } else {
-    return sample_values<Lane, Sample>(grid, pixels, at, level, depth, is_near);
-  }
+  return sample_by_call<Lane, Sample>(grid, pixels, at, level, depth, is_near);
 }
 template <class Lane, class Sample, class Real, class Int>
 PALPATE_FORMULA Sample sample_level(const typename Lane::Grid& grid, const FieldPixels& pixels,
                                     const PixelSpot<Lane>& at, Int level, Real depth) {
   const typename Lane::Mask is_near = Lane::is_near_silhouette(pixels, at.pixel);
   return sample_level<Lane, Sample>(grid, pixels, at, level, depth, is_near,
-                                    !Lane::is_any_together(is_near));
+                                    !Lane::is_any(is_near));
 }
 
 /// `blend` of the next wider level.
@@ -367,30 +365,6 @@ PALPATE_FORMULA Sample query_field(const typename Lane::Grid& grid, const FieldP
     const Sample here = sample_level<Lane, Sample>(
         grid, pixels, spot_at<Lane>(grid, look.u, look.v, level), level, depth);
     answer = k > 0 ? with_wider(answer, here, levels, inverse_depth) : here;
-  }
-  return answer;
-}
-
-/// Samples one element of this radius at (u, v), and wider pixels if it lies deep.
-template <class Lane, class Sample, class Real>
-PALPATE_FORMULA Sample query_deep(const FieldGrid& grid, const FieldPixels& pixels, Real u, Real v,
-                                  Real depth, Real inverse_depth, Real radius) {
-  Sample answer{};
-  Real requested = radius;
-#ifdef __CUDA_ARCH__
-#pragma unroll 1
-#endif
-  for (int step = 0;; ++step) {
-    const PixelLook<Lane> look = look_at<Lane>(grid, u, v, inverse_depth, requested);
-    const Sample here = query_field<Sample>(grid, pixels, look, depth, inverse_depth);
-    if (step > 0) {
-      const Real finer = requested * (1.0f / kDeepGrowth);
-      answer = deepened(answer, here, first_of(answer).phi, first_of(here).phi, finer);
-    } else {
-      answer = here;
-    }
-    if (step == kMaxDeepSteps || !(first_of(answer).phi < -deep_limit(requested))) break;
-    requested *= kDeepGrowth;
   }
   return answer;
 }

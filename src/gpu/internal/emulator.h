@@ -121,6 +121,7 @@ template <class T>
 T __ldg(const T* p) {
   return *p;
 }
+inline float __frcp_rn(float a) { return 1.0f / a; }
 inline float __int_as_float(int v) {
   float f;
   std::memcpy(&f, &v, sizeof f);

@@ -34,6 +34,19 @@ __device__ inline T& shared_memory() {
 #endif
 }
 
+/// Shared memory at an address that stays in a register: a compiler would compute it anew for each
+/// access. The whole warp calls.
+template <class T>
+__device__ inline T& kept(T& in_shared_memory) {
+#if defined(PALPATE_EMULATE_CUDA)
+  return in_shared_memory;
+#else
+  auto address = static_cast<unsigned>(__cvta_generic_to_shared(&in_shared_memory));
+  address = __shfl_sync(kWholeWarp, address, 0);
+  return *static_cast<T*>(__cvta_shared_to_generic(address));
+#endif
+}
+
 /// A value that other threads or the host change meanwhile.
 template <class T>
 __device__ inline T read_now(const T* value) {

@@ -7,6 +7,7 @@
 
 #include "src/cloud/internal/frame_noise.h"
 #include "src/contact/cuda/gpu_field.h"
+#include "src/contact/field/field_contact_cuda.h"
 #include "src/core/internal/stamp.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/cuda_queries.h"
@@ -129,10 +130,13 @@ TEST(FieldContactCuda, EqualsTheCpu) {
   }
 }
 
+// A warp with several clusters, and one with a single one, which samples its ball by all lanes.
 TEST(FieldContactCuda, ClustersThatLieDeepCountAsOnTheCpu) {
   PALPATE_GPU_OR_SKIP();
   const Tool tool = test::grid_tool();
   test::ContactQueries cpu(tool), gpu = test::cuda_queries(tool);
+  const FieldContactCuda alone(ToolIndex::create(tool), FieldMethod{SphereVolumes::represented}, 0,
+                               1024);
   Random random(9);
   for (const PointCloud& cloud : {rough_wall(1), block_before_wall(2)}) {
     const FrozenField frozen(cloud);
@@ -145,6 +149,8 @@ TEST(FieldContactCuda, ClustersThatLieDeepCountAsOnTheCpu) {
         const ContactResult got =
             gpu.by(options).measure(frozen.surface(), X_WT, {.stiffness = stiffness});
         expect_near(got.penetration, want.penetration, tool, SphereVolumes::represented, 5e-5);
+        expect_near(alone.measure(frozen.surface(), X_WT, {.stiffness = stiffness}).penetration,
+                    want.penetration, tool, SphereVolumes::represented, 5e-5);
         if (!stiffness) continue;
         double largest = 0;
         for (const auto& row : want.stiffness->m) {
