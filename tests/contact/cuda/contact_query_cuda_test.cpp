@@ -279,7 +279,7 @@ TEST(ContactQueryCuda, SeesThatAHostCloudHasChanged) {
 TEST(ContactQueryCuda, SaysThatThereIsNoSuchGpu) {
   if (kIsEmulated) GTEST_SKIP() << "SKIPPED: the emulator has any GPU";
   const Tool tool = test::random_tool(40, 0.05, 1);
-  const auto query = make_contact_query_cuda(ToolIndex::create(tool), FieldMethod{}, {.gpu = 99});
+  const auto query = make_contact_query_cuda(ToolIndex::create(tool), FieldMethod{}, 99);
   ASSERT_FALSE(query);
   EXPECT_EQ(query.error().code, Errc::unavailable);
 }
