@@ -3,7 +3,8 @@
 With one surface in host memory, volume, potential and wrench are computed in double, element by element: the
 exact derivatives of the field measure. With surfaces or scenes on a GPU they are those of Contact.measure_batch,
 in PyTorch's current stream: nothing leaves the GPU, and a CUDA graph can capture all of it after one call with
-the same tool and scene outside of the capture.
+the same tool and scene outside of the capture. It is valid until the tool is asked about another scene: contacts
+of one tool and place are shared, so give a palpate.Contact of its own for each graph.
 """
 
 from __future__ import annotations
@@ -63,9 +64,15 @@ def _only_tool(tool: ToolOrContact) -> _core.Tool:
     return tool if isinstance(tool, _core.Tool) else tool.tool
 
 
-def _place_of(scene: Any) -> str:
-    first = scene.cameras[0] if isinstance(scene, _core.Scene) and scene.cameras else scene
-    return first.place if isinstance(first, (_core.Surface, _core.Surfaces)) else "cpu"
+def _place_of(tool: ToolOrContact, scene: Any, poses: torch.Tensor) -> str:
+    """Returns the place of the surfaces; of bodies alone that of the contact, if it is given, or of the poses."""
+    if isinstance(scene, _core.Scene):
+        if not scene.cameras:
+            if isinstance(tool, _core.Contact):
+                return tool.place
+            return str(poses.device) if poses.device.type == "cuda" else "cpu"
+        scene = scene.cameras[0]
+    return scene.place if isinstance(scene, (_core.Surface, _core.Surfaces)) else "cpu"
 
 
 def _contact_of(tool: ToolOrContact, place: str) -> _core.Contact:
@@ -81,12 +88,13 @@ def _measure(asked: _Question, poses: torch.Tensor, with_stiffness: bool) -> _Fo
     tool, scene, surface_of_pose = asked
     if isinstance(scene, _core.Scene) and scene.unseen == "solid" and not scene.bodies and len(scene.cameras) == 1:
         scene = scene.cameras[0]
-    if _place_of(scene) != "cpu":
-        return _measure_on_gpu(_Question(tool, scene, surface_of_pose), poses, with_stiffness)
+    place = _place_of(tool, scene, poses)
+    if place != "cpu":
+        return _measure_on_gpu(place, _Question(tool, scene, surface_of_pose), poses, with_stiffness)
     numbers = np.ascontiguousarray(poses.detach().to("cpu", torch.float64).numpy())
     if not isinstance(scene, _core.Surface):
         which = None if surface_of_pose is None else surface_of_pose.cpu().numpy()
-        batch = _contact_of(tool, _place_of(scene)).measure_batch(scene, numbers, surface_of_pose=which, stiffness=True)
+        batch = _contact_of(tool, place).measure_batch(scene, numbers, surface_of_pose=which, stiffness=True)
         both = np.concatenate([batch.force, batch.torque], 1)
         volume, potential, wrench_W, stiffness = (
             torch.from_numpy(np.array(each)) for each in (batch.volume, batch.potential, both, batch.stiffness)
@@ -98,8 +106,7 @@ def _measure(asked: _Question, poses: torch.Tensor, with_stiffness: bool) -> _Fo
     return _Found(*(torch.from_numpy(array) for array in by_definition(scene, numbers)))
 
 
-def _measure_on_gpu(asked: _Question, poses: torch.Tensor, with_stiffness: bool) -> _Found:
-    place = _place_of(asked.scene)
+def _measure_on_gpu(place: str, asked: _Question, poses: torch.Tensor, with_stiffness: bool) -> _Found:
     device = torch.device(place)
     there = _numbers(poses, device)
     there = torch.cat([there[:, :3], there[:, 3:] / there[:, 3:].norm(dim=1, keepdim=True)], 1)
@@ -125,9 +132,23 @@ def _measure_on_gpu(asked: _Question, poses: torch.Tensor, with_stiffness: bool)
 
 def _numbers(poses: torch.Tensor, device: torch.device) -> torch.Tensor:
     """The poses as Contact.measure_batch takes them on a device."""
-    if poses.ndim != 2 and device.type != "cpu":
-        raise ValueError("poses: surfaces on a GPU take (P, 7), tx ty tz qx qy qz qw")
-    return poses.detach().to(device, torch.float64).contiguous()
+    there = poses.detach().to(device, torch.float64)
+    return (there if there.ndim == 2 or device.type == "cpu" else _sevens(there)).contiguous()
+
+
+def _sevens(X: torch.Tensor) -> torch.Tensor:
+    """Matrices (P, 4, 4) as (P, 7) tx ty tz qx qy qz qw, with quaternions of any length."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (row.unbind(1) for row in X[:, :3, :3].unbind(1))
+    # 4 q q^T for a unit quaternion q: each of its rows is a multiple of q, the longest one the best
+    rows = [
+        [1 + xx - yy - zz, yx + xy, xz + zx, zy - yz],
+        [yx + xy, 1 - xx + yy - zz, zy + yz, xz - zx],
+        [xz + zx, zy + yz, 1 - xx - yy + zz, yx - xy],
+        [zy - yz, xz - zx, yx - xy, 1 + xx + yy + zz],
+    ]
+    products = torch.stack([torch.stack(row, 1) for row in rows], 1)
+    longest = products.diagonal(dim1=1, dim2=2).argmax(1)[:, None, None].expand(-1, 1, 4)
+    return torch.cat([X[:, :3, 3], products.gather(1, longest)[:, 0]], 1)
 
 
 def _center_of(tool: ToolOrContact, device: torch.device) -> torch.Tensor:
@@ -255,9 +276,10 @@ def penetration(
     derivative; on a GPU, with several cameras or bodies the volume has no gradient. For (P, 4, 4) it is the
     gradient along rotations.
 
-    Surfaces and scenes on a GPU: one launch in PyTorch's current stream; poses (P, 7). second: measure the
-    stiffness in the same launch; without it a second derivative is a launch more. Poses that are not finite,
-    or have a quaternion of zeros, give zero.
+    Surfaces and scenes on a GPU: one launch in PyTorch's current stream. A scene of bodies alone is asked where
+    a contact is that is given as the tool, else where the poses are. second: measure the stiffness in the same
+    launch; without it a second derivative is a launch more. Poses that are not finite, or have a quaternion of
+    zeros, give zero.
     """
     volume, potential = _Penetration.apply(_checked(poses), _asked(tool, scene, surface_of_pose), second)  # type: ignore[no-untyped-call]
     return Penetration(volume, potential)
@@ -279,7 +301,7 @@ def clearance(
     nothing leaves it; tool_of_pose is in host memory.
     Beyond `limit` (m) the clearance is constant.
     """
-    place = _place_of(scene)
+    place = _place_of(tool, scene, poses)
     contact, device = _contact_of(tool, place), torch.device(place)
     there = _numbers(_checked(poses), device)
     value, gradient = (there.new_empty(len(there), *shape) for shape in ((), (6,)))

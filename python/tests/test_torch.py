@@ -1,5 +1,7 @@
 """palpate.torch: gradients by gradcheck in double, against the measurement, and the tensors' types."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from conftest import pose_matrix
@@ -8,7 +10,7 @@ import palpate
 
 torch = pytest.importorskip("torch", reason="PyTorch is not installed")
 
-from palpate.torch import clearance, penetration, wrench  # noqa: E402
+from palpate.torch import _place_of, _sevens, clearance, penetration, wrench  # noqa: E402
 
 STANDS = [0.3, -0.2, 0.5, 0.1, 0.7, -0.3, 0.6]
 
@@ -160,3 +162,27 @@ def test_scenes_with_bodies_have_exact_gradients(cube):
     assert not found.volume.requires_grad
     alone = penetration(contact, palpate.Scene([surface]), poses)
     assert alone.volume.requires_grad
+
+
+def test_matrices_for_a_gpu_are_the_same_poses():
+    """Turns of all kinds: small ones, half turns about each axis, and any."""
+    random = np.random.default_rng(8)
+    quaternions = [*np.eye(4), *(np.eye(4) + 1e-9), *random.normal(size=(50, 4))]
+    X = torch.tensor(np.array([pose_matrix([*random.normal(size=3), *q]) for q in quaternions]))
+    numbers = _sevens(X)
+    assert numbers.shape == (len(X), 7) and numbers[:, 3:].norm(dim=1).min() > 1
+    for seven, matrix in zip(numbers.numpy(), X.numpy()):
+        assert pose_matrix(seven) == pytest.approx(matrix, abs=1e-14)
+
+
+def test_bodies_alone_are_asked_where_the_contact_is_or_the_poses(cube):
+    depth, camera, _ = palpate.render_scene("wall", 0.0, width=160, height=120)
+    body = palpate.Body(cube, [0.05, 0, 0.7, 0, 0, 0, 1])
+    bodies, here = palpate.Scene([], [body]), torch.zeros(1, 7)
+    there = SimpleNamespace(device=torch.device("cuda", 1))  # as poses on a GPU
+    contact = palpate.Contact(cube)
+    assert contact.place == "cpu"
+    assert _place_of(cube, bodies, here) == _place_of(contact, bodies, there) == "cpu"
+    assert _place_of(cube, bodies, there) == "cuda:1"
+    seen = palpate.Scene([palpate.Sensor(camera).update(depth)], [body])
+    assert _place_of(cube, seen, there) == _place_of(cube, [body], there) == "cpu"

@@ -159,6 +159,9 @@ Stream::Stream(int gpu) : gpu_(gpu), impl_(std::make_unique<Impl>()) {
 void Stream::continue_in(void* handle) noexcept {
   impl_->stream = static_cast<cudaStream_t>(handle);
   status_ = Done{};
+  if (is_recording()) return;
+  const cudaError_t code = cudaStreamWaitEvent(impl_->stream, impl_->start);
+  if (code != cudaSuccess) fail(failure(code, "to wait for other work", gpu_));
 }
 void* Stream::handle() const noexcept { return impl_->stream; }
 
@@ -253,7 +256,7 @@ void Stream::launch_kernel(const LaunchShape& shape, const void* kernel,
 }
 
 void Stream::mark() noexcept {
-  if (!status_) return;
+  if (!status_ || is_recording()) return;
   cudaSetDevice(gpu_);
   const cudaError_t code = cudaEventRecord(impl_->start, impl_->stream);
   if (code != cudaSuccess) fail(failure(code, "to mark a time", gpu_));

@@ -112,10 +112,10 @@ class SceneContact {
   /// contact does not read or write.
   ///
   /// On a GPU poses and answers may lie there. Work is done in `stream`, in order with what the
-  /// caller does there: use one stream at a time, and let it finish before another scene is asked
-  /// outside of it. If all arrays are on the GPU, without indices, and scene and tools were asked
-  /// before, the call only enqueues it, and a CUDA graph may capture it, which goes on to ask that
-  /// scene; else it waits.
+  /// caller does there; another stream, or another scene, waits for it. If all arrays are on the
+  /// GPU, without indices, and scene and tools were asked before, the call only enqueues it, and a
+  /// CUDA graph may capture it; else it waits. A graph is valid until this contact is asked about
+  /// another scene, or cameras at other poses: let its replays finish before.
   Status measure(const Scene& scene, const ScenePoses& poses, const SceneAnswers& answers,
                  std::optional<CallerStream> stream = {}) const;
   /// Writes 1 for each pose whose clearance is below `margin` (m), else 0; with groups for each

@@ -266,6 +266,7 @@ stream: a CUDA stream, as a number or an object of PyTorch or CuPy: arrays on th
 The result of a pose has the same bits in every batch. For poses that are not finite and indices
 without a surface, Batch.status says so and everything else is zero.)")
       .def_prop_ro("method", &PyContact::method)
+      .def_prop_ro("place", [](const PyContact& self) { return name_of(self.place()); })
       .def_prop_ro("tool", &PyContact::tool)
       .def_prop_ro(
           "tools", [](const PyContact& self) { return nb::tuple(nb::cast(self.tools())); },

@@ -261,12 +261,12 @@ ValueError: another word. TypeError: neither surfaces nor bodies.)")
               "margin: float = 0.0, *, tool_of_pose: palpate._types.Array | None = None, "
               "group_of_pose: palpate._types.Array | None = None, "
               "stream: palpate._types.Stream | None = None) "
-              "-> numpy.typing.NDArray[numpy.bool_]"),
+              "-> palpate._types.Array"),
       R"(Whether the tool comes nearer than `margin` (m): (P,) bool, the clearance is below it.
 
 Ends at the first sphere that does, several times faster than the clearance. With group_of_pose: (G,)
 bool, of each group whether one of its poses does. A pose that is not finite does. Of poses on a GPU it
-is an array there. See measure_batch.)");
+is a new array there, so a CUDA graph cannot capture it. See measure_batch.)");
 }
 
 }  // namespace palpate::python

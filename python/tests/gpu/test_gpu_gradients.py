@@ -48,6 +48,21 @@ def test_are_those_of_the_cpu(cube, felt, second):
     assert not there["volume"].requires_grad
 
 
+def test_matrices_and_bodies_alone(cube, felt):
+    torch, _, on_gpu, numbers = felt
+    x, y, z, w = (numbers[:, 3:] / numbers[:, 3:].norm(dim=1, keepdim=True)).unbind(1)
+    X = torch.eye(4, dtype=torch.float64).repeat(len(numbers), 1, 1)
+    X[:, :3, 3] = numbers[:, :3]
+    X[:, 0, :3] = torch.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], 1)
+    X[:, 1, :3] = torch.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], 1)
+    X[:, 2, :3] = torch.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], 1)
+    bodies = palpate.Scene([], [palpate.Body(cube, [0.02, 0, 0.95, 0, 0, 0, 1])])
+    for scene in (on_gpu, bodies):
+        by_matrix, by_numbers = (penetration(cube, scene, given.cuda()) for given in (X, numbers))
+        assert_close(by_matrix.potential, by_numbers.potential.cpu(), "potential", 1e-6)
+        assert_close(clearance(cube, scene, X.cuda()), clearance(cube, scene, numbers.cuda()).cpu(), "clearance")
+
+
 def test_many_surfaces(cube, scene, felt):
     torch = felt[0]
     camera, images, poses, which = scene

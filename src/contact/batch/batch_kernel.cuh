@@ -19,7 +19,9 @@ struct BatchJob {
   Vec3d p_TC;
   const Pose* X_WT = nullptr;
   const std::int32_t* surface_of_pose = nullptr;
-  const Pose* X_WC = nullptr;  // null: W is C
+  bool is_placed = false;      // cameras have poses; else W is C
+  const Pose* X_WC = nullptr;  // of each surface; null: of the only one
+  Pose first_X_WC;
   int num_surfaces = 0;
   int first_pose = 0;  // of the batch, where the surfaces' numbers are those of the poses
   const FieldLook* table = nullptr;  // of each surface; null: the first, and others like it
@@ -73,7 +75,8 @@ __device__ void prepare(const BatchJob& job, int pose, Scratch& shared) {
     field.tiles += surface * job.tiles_apart;
   }
   if (thread == 0 && surface >= 0) {
-    shared.at = pose_in_camera(job.X_WT[pose], job.X_WC != nullptr ? job.X_WC + surface : nullptr);
+    const Pose* const X_WC = job.X_WC != nullptr ? job.X_WC + surface : &job.first_X_WC;
+    shared.at = pose_in_camera(job.X_WT[pose], job.is_placed ? X_WC : nullptr);
   }
   __syncthreads();
   if (thread == 0) {
@@ -149,7 +152,7 @@ __device__ void put_stiffness(const BatchJob& job, int pose, Scratch& shared) {
     StiffnessSums sums;
     for (int k = 0; k < StiffnessSums::kNum; ++k) sums.numbers[k] = shared.sums[kNumTerms + k];
     shared.stiffness = sums.stiffness();
-    if (job.X_WC != nullptr) rotate_blocks(shared.at.R_WC, shared.stiffness.m);
+    if (job.is_placed) rotate_blocks(shared.at.R_WC, shared.stiffness.m);
   }
   __syncthreads();
   double* const to = job.out.stiffness + 36 * static_cast<std::ptrdiff_t>(pose);
@@ -187,7 +190,7 @@ __global__ void __launch_bounds__(kBatchThreads, kBlocksOf<Sample>)
   }
   __syncthreads();
   const std::ptrdiff_t row = 3 * static_cast<std::ptrdiff_t>(pose);
-  const bool is_turned = job.X_WC != nullptr && shared.status == 0;
+  const bool is_turned = job.is_placed && shared.status == 0;
   if (thread == 0 && out.volume != nullptr) out.volume[pose] = sums[0];
   if (thread == 1 && out.potential != nullptr) out.potential[pose] = sums[1];
   if (thread >= 2 && thread < 5 && out.force != nullptr) {

@@ -179,10 +179,13 @@ Status FieldBatchCuda::look_at(const SurfaceBatch& surfaces, gpu::Stream& stream
   return stream.status();
 }
 
-/// Copies the poses of cameras, if they are not those of the last batch.
+/// Copies the poses of several cameras, if they are not those of the last batch.
 Status FieldBatchCuda::place_cameras(std::span<const Pose> X_WC, gpu::Stream& stream,
                                      BatchJob& job) const {
   if (X_WC.empty()) return Done{};
+  job.is_placed = true;
+  job.first_X_WC = X_WC[0];
+  if (X_WC.size() == 1) return Done{};
   Table& table = *table_;
   if (!std::ranges::equal(table.known_X_WC, X_WC)) {
     if (stream.is_recording()) {
@@ -252,7 +255,7 @@ Status FieldBatchCuda::measure(const SurfaceBatch& surfaces, const PoseBatch& po
   }
   if (poses.X_WT.empty()) return Done{};
   const int num = static_cast<int>(poses.X_WT.size());
-  if (requested_stream) caller_stream_.continue_in(requested_stream->handle);
+  caller_stream_.continue_in(requested_stream ? requested_stream->handle : own_stream_.handle());
   gpu::Stream& stream = requested_stream ? caller_stream_ : own_stream_;
   const bool is_staged = poses.gpu != gpu_ || answers.gpu != gpu_;
   if (is_staged) {
@@ -273,7 +276,10 @@ Status FieldBatchCuda::measure(const SurfaceBatch& surfaces, const PoseBatch& po
   for (int first = 0; first < num; first += at_once) {
     measure_part(poses, answers, first, std::min(at_once, num - first), job, stream);
   }
-  if (requested_stream && !is_staged) return stream.status();
+  if (requested_stream && !is_staged) {
+    stream.mark();
+    return stream.status();
+  }
   // Far more time than it takes.
   constexpr double kSlowest = 1e8;  // elements/s
   const double elements = 32.0 * field_tool_.elements.num_clusters;

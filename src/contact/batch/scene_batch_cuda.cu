@@ -50,20 +50,29 @@ class SceneBatchCuda final : public SceneBatch {
   Status take(std::span<const SurfaceView> surfaces, std::span<const PlacedBody> bodies,
               std::optional<CallerStream> desired) override {
     gpu::Stream& stream = desired ? caller_stream(*desired) : own_stream_;
-    const bool is_here = !show_same(surfaces_, surfaces) &&
+    const bool is_last = show_same(surfaces_, surfaces);
+    const bool is_here = !is_last && !show_same(before_, surfaces) &&
                          std::ranges::any_of(surfaces, [&](const SurfaceView& surface) {
                            return surface.field.num_levels > 0 && surface.field.gpu != gpu_;
                          });
-    if (is_here && stream.is_recording()) return late_in_graph("a scene that was not asked before");
+    const bool has_bodies = are_last(bodies);
+    if (is_here || !has_bodies) {
+      if (stream.is_recording()) return late_in_graph("a scene that was not asked before");
+      if (!desired) caller_stream_.continue_in(stream.handle());
+      if (const Status& waited = stream.wait(60); !waited) return waited;  // for the last scene
+    }
+    if (!is_last) before_.swap(surfaces_);
     surfaces_.assign(surfaces.begin(), surfaces.end());
     blends_.clear();
     for (const SurfaceView& surface : surfaces_) blends_.push_back({surface, surface, 1});
     (void)cameras_.take(blends_, {}, {}, 0, stream);
     const bool is_by_itself =
-        surfaces_.size() == 1 &&
+        surfaces_.size() == 1 && surfaces_[0].field.num_levels > 0 &&
         (surfaces_[0].role == SurfaceRole::frame || surfaces_[0].role == SurfaceRole::with_memory);
     one_camera_ = is_by_itself ? cameras_.one_camera(surfaces_[0], stream) : OneCamera{};
-    if (const Status status = take_bodies(bodies, stream); !status) return status;
+    if (!has_bodies) {
+      if (const Status status = take_bodies(bodies); !status) return status;
+    }
     return is_here ? stream.wait() : stream.status();
   }
 
@@ -83,7 +92,10 @@ class SceneBatchCuda final : public SceneBatch {
     } else {
       launch_all<kMaxCameras>(poses, answers, unseen, stream);
     }
-    if (desired && !is_here) return stream.status();
+    if (desired && !is_here) {
+      stream.mark();
+      return stream.status();
+    }
     // Far more time than it takes.
     return stream.wait(60 + static_cast<double>(poses.X_WT.size()) / 1e3);
   }
@@ -100,7 +112,14 @@ class SceneBatchCuda final : public SceneBatch {
                 std::to_string(gpu_)};
   }
 
-  Status take_bodies(std::span<const PlacedBody> bodies, gpu::Stream& stream) {
+  bool are_last(std::span<const PlacedBody> bodies) const {
+    return is_known_ && std::ranges::equal(known_, bodies, [](const auto& a, const auto& b) {
+             return a.shape == b.shape && a.X_WB == b.X_WB;
+           });
+  }
+  Status take_bodies(std::span<const PlacedBody> bodies) {
+    const bool had_pairs = std::exchange(is_known_, false);
+    num_bodies_ = 0;
     const Status status = shapes_.take(
         bodies.size(), [&](std::size_t b) -> const auto& { return bodies[b].shape; },
         [this](const auto& shape) { return pairs_of(shape); });
@@ -110,13 +129,7 @@ class SceneBatchCuda final : public SceneBatch {
       placed.push_back({static_cast<std::int32_t>(shapes_.shape_of_body(b)),
                         is_finite(bodies[b].X_WB), bodies[b].X_WB});
     }
-    const bool has_pairs = is_known_ && !shapes_.has_changed();
-    if (has_pairs && placed == placed_) return Done{};
-    is_known_ = false;
-    num_bodies_ = 0;
-    if (stream.is_recording()) return late_in_graph("a scene that was not asked before");
-    if (const Status& waited = stream.wait(60); !waited) return waited;  // for the last scene
-    if (!has_pairs) {
+    if (!had_pairs || shapes_.has_changed()) {
       std::vector<ScenePair> pairs;
       for (std::size_t shape = 0; shape < shapes_.size(); ++shape) {
         const auto& of_shape = shapes_.of_shape(shape).pairs;
@@ -130,7 +143,7 @@ class SceneBatchCuda final : public SceneBatch {
     bodies_ = of_scene_.copy_of(placed);
     if (!of_scene_.status()) return of_scene_.status();
     num_bodies_ = static_cast<std::int32_t>(placed.size());
-    placed_ = std::move(placed);
+    known_.assign(bodies.begin(), bodies.end());
     is_known_ = true;
     return Done{};
   }
@@ -240,14 +253,14 @@ class SceneBatchCuda final : public SceneBatch {
   gpu::Memory memory_;
   gpu::Stream own_stream_, caller_stream_;
   const SceneTool* on_gpu_ = nullptr;
-  std::vector<SurfaceView> surfaces_;
+  std::vector<SurfaceView> surfaces_, before_;  // the last ones, and those before, copied, too
   std::vector<SurfaceBlend> blends_;
   HullCameras cameras_;
   OneCamera one_camera_;
   ShapesOfScene<PairsOnGpu> shapes_;
   gpu::Memory of_shapes_, of_scene_;
   bool is_known_ = false;  // what lies there is of these bodies
-  std::vector<SceneBody> placed_;
+  std::vector<PlacedBody> known_;
   const ScenePair* pairs_ = nullptr;
   const SceneBody* bodies_ = nullptr;
   std::int32_t num_bodies_ = 0;

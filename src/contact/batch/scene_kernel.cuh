@@ -29,8 +29,6 @@ struct SceneBody {
   std::int32_t shape = 0;
   bool is_finite = true;
   Pose X_WB;
-
-  friend bool operator==(const SceneBody&, const SceneBody&) = default;
 };
 
 // The argument of the kernel.
@@ -77,7 +75,7 @@ __global__ void __launch_bounds__(kUnseenWarps* gpu::kWarpSize)
   if (at.is_finite) {
     FieldFrame frame = job.frame;
     place_tool(at.X_CT, tool.p_TC, frame);
-    share = sum_over_warp(unseen_volume(job.camera, tool.elements, frame, 0, 1)) / tool.volume;
+    share = gpu::warp_sum(unseen_volume(job.camera, tool.elements, frame, 0, 1)) / tool.volume;
   }
   if (gpu::lane_id() == 0) job.unseen[pose] = share < 1 ? share : 1.0;
 }

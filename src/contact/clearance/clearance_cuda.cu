@@ -97,6 +97,8 @@ class ClearanceBatchCuda final : public ClearanceBatch {
                    "the same tools"};
     }
     is_known_ = false;
+    if (!desired) caller_stream_.continue_in(stream.handle());
+    if (const Status& waited = stream.wait(60); !waited) return waited;  // for the last scene
     const std::size_t num = 2 * surfaces.size();
     while (images_.size() < num) images_.push_back(std::make_unique<ImageOnGpu>(gpu_));
     std::vector<const ClearanceImage*> images(num);
@@ -269,7 +271,11 @@ class ClearanceBatchCuda final : public ClearanceBatch {
       if (is_staged) fetch(given != nullptr ? launch : launches_[1 - turn], poses, to, given);
     }
     if (is_staged) fetch(launches_[1 - turn], poses, to, given);
-    if (given != nullptr) return is_here ? given->wait(patience) : given->status();
+    if (given != nullptr) {
+      if (is_here) return given->wait(patience);
+      given->mark();
+      return given->status();
+    }
     for (Launch& launch : launches_) {
       if (const Status& status = launch.stream.wait(patience); !status) return status;
     }

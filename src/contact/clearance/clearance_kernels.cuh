@@ -47,7 +47,7 @@ struct Question {
     const Vec3d& t = X_WT[pose].translation;
     const Quaternion& q = X_WT[pose].rotation;
     const double sum = t.x + t.y + t.z + q.x + q.y + q.z + q.w;
-    return sum - sum == 0;  // all are finite
+    return sum - sum == 0;  // as is_finite(Pose)
   }
   __device__ Pose unit_pose(int pose) const {
     return {X_WT[pose].translation, normalized(X_WT[pose].rotation)};
@@ -201,13 +201,8 @@ __global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
       if (id >= 0) soft.add(clearance_to_body(body, 0, at, of.tool, id, X));
     });
   }
-  const auto sum_over_warp = [](double& value) {
-    for (int step = gpu::kWarpSize / 2; step > 0; step /= 2) {
-      value += __shfl_xor_sync(gpu::kWholeWarp, value, step);
-    }
-  };
-  sum_over_warp(soft.sum);
-  for (double& slope : soft.gradient) sum_over_warp(slope);
+  soft.sum = gpu::warp_sum(soft.sum);
+  for (double& slope : soft.gradient) slope = gpu::warp_sum(slope);
   if (lane == 0) soft.put(found);
 }
 

@@ -181,7 +181,7 @@ __global__ void sum_unseen(const __grid_constant__ OneCamera camera, const Field
                            const ElementsView elements, double* to) {
   auto& shared = gpu::shared_memory<UnseenScratch>();
   constexpr int kNum = kUnseenThreads / gpu::kWarpSize;
-  const double mine = sum_over_warp(unseen_volume(camera, elements, frame, gpu::warp_id(), kNum));
+  const double mine = gpu::warp_sum(unseen_volume(camera, elements, frame, gpu::warp_id(), kNum));
   if (gpu::lane_id() == 0) shared.of_warp[gpu::warp_id()] = mine;
   __syncthreads();
   if (threadIdx.x != 0) return;

@@ -59,13 +59,5 @@ __device__ inline double unseen_volume(const OneCamera& camera, const ElementsVi
   return sum;
 }
 
-// Returns the sum over a warp, in all lanes. The whole warp calls.
-__device__ inline double sum_over_warp(double value) {
-  for (int step = gpu::kWarpSize / 2; step > 0; step /= 2) {
-    value += __shfl_xor_sync(gpu::kWholeWarp, value, step);
-  }
-  return value;
-}
-
 }  // namespace
 }}  // namespace palpate::v0

@@ -223,19 +223,19 @@ Status SceneContact::Impl::measure_contact(const Scene& scene, const ScenePoses&
     if (!(surfaces[0].X_WC == Pose{})) batch.X_WC = {&surfaces[0].X_WC, 1};
     const Status s = batches->measure(surfaces[0], batch, contact, stream);
     if (!s || !has_unseen) return s;
-    SceneAnswers of_unseen;
-    of_unseen.contact.gpu = contact.gpu;
-    of_unseen.unseen = answers.unseen;
-    return measure_at_once(scene, poses, of_unseen, stream);
+    return measure_at_once(scene, poses,
+                           {.contact = {.gpu = contact.gpu}, .unseen = answers.unseen}, stream);
   }
   SceneAnswers one_by_one = answers;
-  if (scenes != nullptr && !contact.want_noise() && is_for_batch(surfaces)) {
+  const bool is_at_once = scenes != nullptr && !contact.want_noise() && is_for_batch(surfaces);
+  const bool is_there = poses.gpu != kHostMemory || contact.gpu != kHostMemory;
+  if (is_there && (has_spheres || !is_at_once)) return one_by_one_error();
+  if (is_at_once) {
     const Status s = measure_at_once(scene, poses, answers, stream);
     if (!s || !has_spheres) return s;
     one_by_one.contact = {};
     one_by_one.unseen = one_by_one.group_volume = nullptr;
   }
-  if (poses.gpu != kHostMemory || contact.gpu != kHostMemory) return one_by_one_error();
   if (const Status s = take_bodies(scene); !s) return s;
   for_poses(*pool, poses.X_WT.size(), [&](std::size_t thread, std::size_t i) {
     measure_pose(thread, scene, poses, i, one_by_one);
@@ -353,11 +353,13 @@ Status SceneContact::measure(const Scene& scene, const ScenePoses& poses,
                              contact.torque || contact.stiffness || contact.status ||
                              contact.want_noise() || answers.unseen || answers.max_spheres > 0;
   if (const Status status = impl.take(scene); !status) return status;
+  if (wants_clearance) {
+    if (const Status s = impl.clearances->take(impl.surfaces, scene.bodies, stream); !s) return s;
+  }
   if (wants_contact) {
     if (const Status s = impl.measure_contact(scene, poses, answers, stream); !s) return s;
   }
   if (!wants_clearance) return Done{};
-  if (const Status s = impl.clearances->take(impl.surfaces, scene.bodies, stream); !s) return s;
   const Status status = impl.clearances->measure(poses, answers, stream);
   if (status && wants_groups) put_groups(poses, answers);
   return status;

@@ -113,8 +113,8 @@ class Stream {
   void copy(void* to, const void* from, std::size_t num_bytes) noexcept;
   /// Sets all bytes to 0.
   void clear(void* data, std::size_t num_bytes) noexcept;
-  /// Work submitted from now on runs in this queue, which somebody else owns and may be
-  /// recording; failures are forgotten. On CUDA `handle` is a cudaStream_t.
+  /// Work submitted from now on runs in this queue of somebody else, after the last mark if it is
+  /// not recording; failures are forgotten. On CUDA `handle` is a cudaStream_t.
   void continue_in(void* handle) noexcept;
   void* handle() const noexcept;
   /// Is submitted work recorded, not run?
@@ -135,7 +135,7 @@ class Stream {
   void launch_kernel(const LaunchShape& shape, const void* kernel, void** arguments) noexcept;
   void run_emulated(const LaunchShape& shape, std::function<void()> kernel);
 
-  /// Time on the device between two marks, microseconds. For measurements: `lap` waits.
+  /// Marks an end of work, if not recording. `lap`: us on the device since then; waits.
   void mark() noexcept;
   double lap() noexcept;
 

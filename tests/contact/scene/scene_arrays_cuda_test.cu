@@ -9,6 +9,7 @@
 
 #include <gtest/gtest.h>
 
+#include "src/contact/cuda/gpu_field.h"
 #include "src/gpu/internal/runtime.h"
 #include "tests/contact/scene/answered_scene.h"
 #include "tests/test_util/contact_scenes.h"
@@ -191,6 +192,124 @@ TEST(SceneArraysCuda, AGraphCapturesASceneThatWasAskedBefore) {
   EXPECT_EQ(got_hits, want_hits);
 }
 
+// A lone joined camera in host memory is two scenes: by what it sees, and by what it has not seen.
+TEST(SceneArraysCuda, AGraphCapturesALoneJoinedCameraWithWhatItHasNotSeen) {
+  PALPATE_GPU_OR_SKIP();
+  Random random(40);
+  const HullScene seen = test::rough_scene(1, {}, random);
+  const Scene scene{.surfaces = surfaces_of(seen)};
+  const Tool tool = test::random_tool(60, 0.05, 3);
+  const Tool* const tools[] = {&tool};
+  const SceneContact contact = test::scenes_on_gpu(tools);
+  const std::vector<Pose> poses{{{0.05, 0, 0.9}, {}}, {{0, 0.03, 1.2}, {}}};
+  Answered want(2, 0, 0), got(2, 0, 0);
+  ASSERT_TRUE(contact.measure(scene, {poses}, want.answers));
+  EXPECT_GT(want.answers.unseen[1], 0);
+  gpu::Stream stream(0, gpu::Priority::low);
+  gpu::Memory memory(0);
+  AnsweredThere to(2);
+  const ScenePoses there{{memory.copy_of(poses), 2}, {}, {}, 0, 0};
+  stream.begin_recording();
+  const Status measured = contact.measure(scene, there, to.answers, CallerStream{stream.handle()});
+  const gpu::Graph graph = stream.end_recording();
+  ASSERT_TRUE(measured) << measured.error().message;
+  stream.launch(graph);
+  to.fetch(got, stream);
+  expect_same(got, want);
+}
+
+TEST(SceneArraysCuda, AnotherSceneThatIsRefusedInACaptureLeavesTheLastOne) {
+  PALPATE_GPU_OR_SKIP();
+  const Mixed of;
+  const Tool other =
+      Tool::pack(make_box({0.2, 0.1, 0.1}), {.max_spheres = 20}).value().with_solid_field();
+  const Tool* const tools[] = {&of.tool};
+  const SceneContact contact = test::scenes_on_gpu(tools);
+  const std::size_t num = of.poses.size();
+  Answered want(num, 0, 0), got(num, 0, 0);
+  const auto contact_of = [](SceneAnswers answers) {
+    answers.clearance = answers.clearance_gradient = nullptr;
+    answers.nearest = answers.decided = nullptr;
+    return answers;
+  };
+  ASSERT_TRUE(contact.measure(of.scene, {of.poses}, contact_of(want.answers)));
+  gpu::Stream stream(0, gpu::Priority::low);
+  const CallerStream queue{stream.handle()};
+  gpu::Memory memory(0);
+  AnsweredThere to(num);
+  const ScenePoses there{{memory.copy_of(of.poses), num}, {}, {}, 0, 0};
+  stream.begin_recording();
+  const Status late = contact.measure({.surfaces = of.scene.surfaces, .bodies = {Body(other)}},
+                                      there, contact_of(to.answers), queue);
+  const Status measured = contact.measure(of.scene, there, contact_of(to.answers), queue);
+  const gpu::Graph graph = stream.end_recording();
+  ASSERT_FALSE(late);
+  EXPECT_NE(late.error().message.find("ask it once before"), std::string::npos);
+  ASSERT_TRUE(measured) << measured.error().message;
+  stream.launch(graph);
+  to.fetch(got, stream);
+  expect_same(got, want);
+}
+
+// Its pose is an argument of the launch, and so that of the capture.
+TEST(SceneArraysCuda, AGraphKeepsThePoseOfOneCamera) {
+  PALPATE_GPU_OR_SKIP();
+  Random random(41);
+  HullScene seen = test::rough_scene(1, {}, random);
+  test::set_apart(seen.views[0].from, seen.views[0].to);
+  gpu::Stream stream(0, gpu::Priority::low);
+  GpuFields copies(0);
+  Scene scene{.surfaces = surfaces_of(seen)};
+  SurfaceView& camera = scene.surfaces[0];
+  camera.field = copies.on_gpu(camera.field, stream);
+  ASSERT_TRUE(stream.wait());
+  camera.X_WC = {{0.1, 0, 0}, axis_angle({1, 2, 3}, 0.1)};
+  const Tool tool = test::random_tool(60, 0.05, 3);
+  const Tool* const tools[] = {&tool};
+  const SceneContact contact = test::scenes_on_gpu(tools);
+  const std::vector<Pose> poses{{{0.15, 0, 1.1}, {}}, {{0.1, 0.03, 1.2}, {}}};
+  double want[2], got[2];
+  SceneAnswers here, to;
+  here.contact.volume = want;
+  ASSERT_TRUE(contact.measure(scene, {poses}, here));
+  EXPECT_GT(want[1], 0);
+  gpu::Memory memory(0);
+  to.contact = {.volume = memory.take<double>(2), .gpu = 0};
+  const ScenePoses there{{memory.copy_of(poses), 2}, {}, {}, 0, 0};
+  stream.begin_recording();
+  ASSERT_TRUE(contact.measure(scene, there, to, CallerStream{stream.handle()}));
+  const gpu::Graph graph = stream.end_recording();
+  camera.X_WC.translation.z = 5;
+  here.contact.volume = got;
+  ASSERT_TRUE(contact.measure(scene, {poses}, here));
+  EXPECT_NE(got[1], want[1]);
+  stream.launch(graph);
+  stream.copy(got, to.contact.volume, sizeof(got));
+  ASSERT_TRUE(stream.wait());
+  EXPECT_EQ(got[0], want[0]);
+  EXPECT_EQ(got[1], want[1]);
+}
+
+TEST(SceneArraysCuda, ACameraWithoutAFrameHasNothingUnseen) {
+  PALPATE_GPU_OR_SKIP();
+  const Tool tool = test::random_tool(10, 0.03, 3);
+  const Tool* const tools[] = {&tool};
+  const Both both(tools);
+  const Scene scene{.surfaces = {SurfaceView{}}};
+  const std::vector<Pose> poses{{{0, 0, 1}, {}}};
+  for (const SceneContact* const contact : {&both.cpu, &both.gpu}) {
+    double volume = 7, unseen = 7;
+    std::uint32_t status = 0;
+    SceneAnswers answers;
+    answers.contact = {.volume = &volume, .status = &status};
+    answers.unseen = &unseen;
+    ASSERT_TRUE(contact->measure(scene, {poses}, answers));
+    EXPECT_EQ(volume, 0);
+    EXPECT_EQ(unseen, 0);
+    EXPECT_EQ(status, static_cast<std::uint32_t>(StepStatus::no_surface));
+  }
+}
+
 // One camera at a pose in W is the batch of the contact, whose poses may lie there, too.
 TEST(SceneArraysCuda, PosesInItsMemoryBeforeOneCameraAnywhere) {
   PALPATE_GPU_OR_SKIP();
@@ -257,7 +376,33 @@ TEST(SceneArraysCuda, ArraysElsewhereAreRefusedInOneSentence) {
   answers.group_clearance = nullptr;
   answers.sphere_depth = memory.take<float>(10);
   answers.max_spheres = 10;
+  const double mine = 7;
+  memory.upload(answers.contact.volume, &mine, sizeof mine);
   expect(both.gpu.measure(scene, poses, answers), "give poses and answers in host memory");
+  gpu::Stream stream(0, gpu::Priority::low);
+  double left = 0;
+  stream.copy(&left, answers.contact.volume, sizeof left);
+  ASSERT_TRUE(stream.wait());
+  EXPECT_EQ(left, mine) << "written before it was refused";
+}
+
+TEST(SceneArraysCuda, NothingIsWrittenBeforeAClearanceIsRefused) {
+  PALPATE_GPU_OR_SKIP();
+  Random random(42);
+  const HullScene seen = test::rough_memories(2, random);
+  const Tool tool = test::random_tool(10, 0.03, 3);
+  const Tool* const tools[] = {&tool};
+  const Both both(tools);
+  const std::vector<Pose> poses{test::pose_in_front(seen, random)};
+  for (const SceneContact* const contact : {&both.cpu, &both.gpu}) {
+    double volume = 7, clearance = 7;
+    SceneAnswers answers;
+    answers.contact.volume = &volume;
+    answers.clearance = &clearance;
+    EXPECT_FALSE(contact->measure({.surfaces = surfaces_of(seen)}, {poses}, answers));
+    EXPECT_EQ(volume, 7);
+    EXPECT_EQ(clearance, 7);
+  }
 }
 
 }  // namespace
