@@ -171,8 +171,8 @@ void measure_noise(int num_spheres) {
       Sensor::create({wall.width, wall.height, wall.intrinsics}, Place::cuda(options.gpu)));
   const Tool& tool = cube_tool(num_spheres);
   for (const Backend backend : {Backend::cuda, Backend::cpu}) {
-    const auto query =
-        value_or_stop(make_contact_query(backend, tool, FieldMethod{}, {.gpu = options.gpu}));
+    const Place place = backend == Backend::cuda ? Place::cuda(options.gpu) : Place::cpu();
+    const auto query = value_or_stop(make_contact_query(place, tool, FieldMethod{}));
     auto on_cpu =
         value_or_stop(Sensor::create({wall.width, wall.height, wall.intrinsics}, Place::cpu()));
     const std::vector<Pose> poses = random_poses(0.5);

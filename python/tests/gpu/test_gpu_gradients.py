@@ -133,8 +133,3 @@ def test_poses_that_are_none_give_zero(cube, felt):
     (twice,) = torch.autograd.grad(gradient.sum(), poses)
     for each in (potential, gradient, twice):
         assert each.isfinite().all() and not each[1:3].any()
-
-
-def test_matrices_are_refused(cube, felt):
-    with pytest.raises(ValueError, match=r"surfaces on a GPU take \(P, 7\)"):
-        penetration(cube, felt[2], felt[0].eye(4, dtype=felt[0].float64)[None].cuda())
