@@ -3,7 +3,7 @@
 With one surface in host memory, volume, potential and wrench are computed in double, element by element: the
 exact derivatives of the field measure. With surfaces or scenes on a GPU they are those of Contact.measure_batch,
 in PyTorch's current stream: nothing leaves the GPU, and a CUDA graph can capture all of it after one call with
-the same tool and scene outside of the capture. It is valid until the tool is asked about another scene: contacts
+the same tool and scene, and its gradient, outside of the capture. It is valid until the tool is asked about another scene: contacts
 of one tool and place are shared, so give a palpate.Contact of its own for each graph.
 """
 
@@ -147,6 +147,10 @@ def _sevens(X: torch.Tensor) -> torch.Tensor:
         [zy - yz, xz - zx, yx - xy, 1 + xx + yy + zz],
     ]
     products = torch.stack([torch.stack(row, 1) for row in rows], 1)
+    # Of a rotation their trace is 4 and their square 4 times themselves: all else becomes no pose.
+    is_rotation = ((products @ products - 4 * products).abs().amax((1, 2)) < 1e-5) & (
+        (products.diagonal(dim1=1, dim2=2).sum(1) - 4).abs() < 1e-5)
+    products = torch.where(is_rotation[:, None, None], products, torch.nan)
     longest = products.diagonal(dim1=1, dim2=2).argmax(1)[:, None, None].expand(-1, 1, 4)
     return torch.cat([X[:, :3, 3], products.gather(1, longest)[:, 0]], 1)
 

@@ -173,6 +173,8 @@ def test_matrices_for_a_gpu_are_the_same_poses():
     assert numbers.shape == (len(X), 7) and numbers[:, 3:].norm(dim=1).min() > 1
     for seven, matrix in zip(numbers.numpy(), X.numpy()):
         assert pose_matrix(seven) == pytest.approx(matrix, abs=1e-14)
+    others = torch.stack([torch.zeros(4, 4), 2 * torch.eye(4), torch.ones(4, 4)]).double()
+    assert _sevens(others)[:, 3:].isnan().all(), "what is no rotation is no pose"
 
 
 def test_bodies_alone_are_asked_where_the_contact_is_or_the_poses(cube):

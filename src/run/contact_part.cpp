@@ -57,8 +57,9 @@ void ContactPart::take_over(const ContactPart& before) noexcept {
   if (moving_ && before.moving_) moving_->take_over(*before.moving_);
 }
 
-Status ContactPart::measure_pairs_at(const Place& place) {
-  if (place.backend == Backend::cpu) return Done{};
+Status ContactPart::measure_at(const Place& place) {
+  is_on_cpu_ = place.backend == Backend::cpu;
+  if (is_on_cpu_) return Done{};
   return world_.measure_pairs_by([&](const auto& a, const auto& b) {
     return make_body_pair_query(place, a, b, {.method = bodies_});
   });
@@ -68,8 +69,10 @@ void ContactPart::measure(std::span<const SurfaceBlend> cameras, bool with_stiff
                           ContactRecord& record) noexcept {
   if (moving_) place_bodies(record);
   world_.set_pose(kToolBody, record.X_WT);
-  world_.set_wants(
-      kToolBody, {.stiffness = with_stiffness, .noise = scale_.wants_noise, .unseen_volume = true});
+  // What one camera has not seen is a launch of its own on a GPU: too much for each tick.
+  world_.set_wants(kToolBody, {.stiffness = with_stiffness,
+                               .noise = scale_.wants_noise,
+                               .unseen_volume = is_on_cpu_ || cameras.size() > 1});
   world_.measure(cameras);
   const BodyMeasure& measured = world_.measured(kToolBody);
   record.penetration = measured.total();

@@ -193,7 +193,7 @@ Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const Too
   }
   auto part = std::make_unique<ContactPart>(tool, *std::move(query), scale, settings.objects,
                                             settings.contact.bodies, std::move(moving));
-  const Status status = part->measure_pairs_at(place);
+  const Status status = part->measure_at(place);
   if (!status) return status.error();
   return part;
 }

@@ -1,6 +1,6 @@
 // A query of a depth field by one element: of the levels of its size, and of wider spheres where it
 // lies deep. By a thread of a GPU, or in double precision; vectors have an order of work of their
-// own (src/contact/field/field_answers.h).
+// own (src/contact/field/packed_samples.h).
 #pragma once
 
 #include "src/field/internal/field_sampler.h"

@@ -38,8 +38,9 @@ class ContactPart {
   ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query, const ContactScale& scale,
               const std::vector<SceneObject>& objects = {}, BodyMethod bodies = BodyMethod::field,
               std::unique_ptr<MovingBodies> moving = nullptr);
-  /// Sets the backend that measures pairs of tool and objects. Error: too little memory there.
-  Status measure_pairs_at(const Place& place);
+  /// Sets where the query is, which measures pairs of tool and objects there, too. Error: too
+  /// little memory there.
+  Status measure_at(const Place& place);
 
   /// Uses `scale` from the next measurement on. It has the friction of as many objects as there
   /// are. No allocation.
@@ -80,6 +81,7 @@ class ContactPart {
   BodyWorld world_;            // the tool, then the objects
   const ContactQuery* query_;  // the tool's, owned by the world
   MassProperties tool_mass_;
+  bool is_on_cpu_ = true;
   ContactScale scale_;
   std::unique_ptr<MovingBodies> moving_;
   std::vector<MovingBodies::Push> pushes_;  // of the tool on each of them
