@@ -147,7 +147,7 @@ def _sevens(X: torch.Tensor) -> torch.Tensor:
         [zy - yz, xz - zx, yx - xy, 1 + xx + yy + zz],
     ]
     products = torch.stack([torch.stack(row, 1) for row in rows], 1)
-    # Of a rotation their trace is 4 and their square 4 times themselves: all else becomes no pose.
+    # The products have trace 4, and a square 4 times themselves, where the matrix is a rotation; else there is no pose.
     is_rotation = ((products @ products - 4 * products).abs().amax((1, 2)) < 1e-5) & (
         (products.diagonal(dim1=1, dim2=2).sum(1) - 4).abs() < 1e-5)
     products = torch.where(is_rotation[:, None, None], products, torch.nan)
