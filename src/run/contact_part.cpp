@@ -69,7 +69,8 @@ void ContactPart::measure(std::span<const SurfaceBlend> cameras, bool with_stiff
                           ContactRecord& record) noexcept {
   if (moving_) place_bodies(record);
   world_.set_pose(kToolBody, record.X_WT);
-  // A camera by itself tells the unseen volume by a launch of its own on a GPU: too much for a tick.
+  // A camera by itself tells the unseen volume by a launch of its own on a GPU: too much for a
+  // tick.
   world_.set_wants(kToolBody, {.stiffness = with_stiffness,
                                .noise = scale_.wants_noise,
                                .unseen_volume = is_on_cpu_ || cameras.size() > 1});
