@@ -52,13 +52,18 @@ class Hull {
     unpack(vectors, slot);
     return vectors;
   }
-  // True if every element has a value. A single camera knows nothing of the space behind its eye.
-  bool is_complete(int i) const {
+  // True if every element of the cluster has a value. A single camera knows nothing of the space
+  // behind its eye.
+  bool is_complete() const {
     if (!job_.is_alone) return true;
-    VecI is_before = answers_[0].before[0][i] > VecF{};
-    if (eyes_[0].seat(eyes_[0].num_fields - 1) > 0) is_before &= answers_[0].before[1][i] > VecF{};
+    VecI is_before = splat(-1);
+    for (int seat = 0; seat <= eyes_[0].seat(eyes_[0].num_fields - 1); ++seat) {
+      for (const VecF& before : answers_[0].before[seat]) is_before &= before > VecF{};
+    }
     return mask_bits(~is_before) == 0;
   }
+  // True for the elements that a camera sees to be free.
+  VecI is_free(int i) const { return is_free_[i]; }
 
   // Returns the places of the elements in the cameras that decided them.
   NoisePlace place(int i) const {

@@ -217,6 +217,32 @@ TEST(Memory, GivesTheSameBitsWithAnyThreadsAndInstructionSet) {
   }
 }
 
+// Parts of balls that are far from all contact have the same values whether all of their vector
+// are.
+TEST(Memory, BallsInPartsHaveTheSameBitsWithAnyInstructionSet) {
+  Random random(77);
+  const HullScene scene = test::rough_memories(1, random);
+  const Tool tool = test::random_tool(33, 0.07, 3);
+  const auto first = make_query(tool, SphereVolumes::represented, Isa::baseline);
+  const auto avx2 = make_query(tool, SphereVolumes::represented, Isa::avx2);
+  const auto avx512 = make_query(tool, SphereVolumes::represented, Isa::avx512);
+  int num_felt = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const Pose X_WT{random.in_box(0.25) + Vec3d{0, 0, 0.8}, random.rotation(3.0)};
+    const ContactWants wants{.stiffness = i % 2 == 0};
+    const ContactResult want = first->measure(scene.views, X_WT, wants);
+    num_felt += want.penetration.volume > 0;
+    for (const auto& query : {avx2.get(), avx512.get()}) {
+      const ContactResult got = query->measure(scene.views, X_WT, wants);
+      EXPECT_EQ(got.penetration.volume, want.penetration.volume) << i;
+      EXPECT_EQ(got.penetration.potential, want.penetration.potential) << i;
+      EXPECT_EQ(got.penetration.measure_W.force, want.penetration.measure_W.force) << i;
+      EXPECT_EQ(got.penetration.measure_W.torque, want.penetration.measure_W.torque) << i;
+    }
+  }
+  EXPECT_GT(num_felt, 100);
+}
+
 // While nothing hides anything it measures what one camera measures without a memory.
 TEST(Memory, WithNothingInFrontItIsOneCamera) {
   Random random(45);
