@@ -52,18 +52,13 @@ class Hull {
     unpack(vectors, slot);
     return vectors;
   }
-  // True if every element of the cluster has a value. A single camera knows nothing of the space
-  // behind its eye.
-  bool is_complete() const {
+  // True if every element has a value. A single camera knows nothing of the space behind its eye.
+  bool is_complete(int i) const {
     if (!job_.is_alone) return true;
-    VecI is_before = splat(-1);
-    for (int seat = 0; seat <= eyes_[0].seat(eyes_[0].num_fields - 1); ++seat) {
-      for (const VecF& before : answers_[0].before[seat]) is_before &= before > VecF{};
-    }
+    VecI is_before = answers_[0].before[0][i] > VecF{};
+    if (eyes_[0].seat(eyes_[0].num_fields - 1) > 0) is_before &= answers_[0].before[1][i] > VecF{};
     return mask_bits(~is_before) == 0;
   }
-  // True for the elements that a camera sees to be free.
-  VecI is_free(int i) const { return is_free_[i]; }
 
   // Returns the places of the elements in the cameras that decided them.
   NoisePlace place(int i) const {
@@ -93,6 +88,7 @@ class Hull {
     sampled_ = rows;
     slot_ = slot;
     open_ = (1u << num) - 1;
+    is_ball_ = is_ball;
     is_between_ = 0;
     for (int i = 0; i < num; ++i) {
       radius_[i] = load(sampled_.radius + slot_of(i));
@@ -160,7 +156,8 @@ class Hull {
   std::uint32_t cannot_decide(int k, int i) const {
     // Wider pixels may make a deep element half as deep again.
     const VecF least = min(shallowest_[i], 1.5f * shallowest_[i]) - 3.0f * agreement(radius_[i]);
-    return mask_bits(~is_free_[i] & ~(least > splat(job_.cameras[k].at_most))) == 0;
+    const VecI counts = is_ball_ ? splat(-1) : ~is_free_[i];
+    return mask_bits(counts & ~(least > splat(job_.cameras[k].at_most))) == 0;
   }
 
   // Takes the first sample of one camera for some vectors. False: now all elements are free.
@@ -168,6 +165,7 @@ class Hull {
     const Eye& eye = eyes_[k];
     const MeasureJob& seen = eye.camera->seen_free;
     EyeAnswer<Sample>& answer = answers_[k];
+    std::uint32_t free = 0;
     answer.used = vectors;
     if (eye.num_fields > 1) is_between_ |= vectors;
     for (int seat = 0; seat <= eye.seat(eye.num_fields - 1); ++seat) {
@@ -201,8 +199,10 @@ class Hull {
       VecF limit = extent + free_margin(job_.num_seeing, radius);
       if (answer.queries_in_front) limit += front_margin(radius);
       is_free_[i] |= now > limit;
-      if (mask_bits(~is_free_[i]) == 0) open_ &= ~(1u << i);
+      if (mask_bits(~is_free_[i]) == 0) free |= 1u << i;
     });
+    // The plane of a ball asks all of its parts, so that its bits do not depend on the vectors.
+    if (!is_ball_ || free == open_) open_ &= ~free;
     return open_ != 0;
   }
 
@@ -390,6 +390,7 @@ class Hull {
   KeptElements<Sample> kept_;
   std::size_t slot_ = 0;
   std::uint32_t open_ = 0, is_between_ = 0;  // bits of vectors
+  bool is_ball_ = false;                     // a ball in parts
 };
 
 }}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

@@ -88,12 +88,6 @@ template <class Sample>
   const auto field_at = [](const Hull<Sample>& at, int i) {
     return SpaceCurvature<VecF>{first_of(at.joined[i].hull), second_of(at.joined[i].hull)};
   };
-  // A part that is free has one value, whether all of its vector are: bits do not depend on widths.
-  const auto far_part = [](VecF radius) {
-    return SpaceCurvature<VecF>{{free_limit(radius, kPartExtent * radius)}, {}};
-  };
-  NoisePlace nowhere{};
-  nowhere.camera = splat(-1.0f);
   const auto place_of = [&](Hull<Sample>& at, int i) {
     return noise.wants() ? at.place(i) : NoisePlace{};
   };
@@ -147,10 +141,9 @@ template <class Sample>
         }
         parts.lanes[i] = e;
         parts.is_touching[i] = g.phi < e.radius;
-        parts.field[i] = chosen(at.is_free(i), far_part(e.radius), field);
-        parts.place[i] = chosen(at.is_free(i), nowhere, place_of(at, i));
-        parts.is_complete = at.is_complete();
-        known |= 1u << i;
+        parts.field[i] = field;
+        parts.place[i] = place_of(at, i);
+        parts.is_complete &= at.is_complete(i);
       },
       [&](int cluster) {
         if (cluster < job.tool.first_ball) {
@@ -159,18 +152,8 @@ template <class Sample>
           return;
         }
         const std::size_t begin = static_cast<std::size_t>(cluster) * kSize;
-        for (std::size_t i = 0; i < kNumVectors; ++i) {
-          if ((known >> i & 1) != 0) continue;
-          const VecF radius = load(job.tool.elements.radius + begin + i * kLanes);  // free
-          parts.lanes[i] = Lanes{};
-          parts.lanes[i].radius = radius;
-          parts.is_touching[i] = VecI{};
-          parts.place[i] = nowhere;
-          parts.field[i] = far_part(radius);
-        }
         add_ball(job.tool, begin, parts, totals);
         parts.is_complete = true;
-        known = 0;
       });
   wholes.add_to(job.tool, group, totals);
   noise.finish();
