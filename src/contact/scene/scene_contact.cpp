@@ -218,8 +218,7 @@ Status SceneContact::Impl::measure_contact(const Scene& scene, const ScenePoses&
   const bool has_spheres = answers.max_spheres > 0;
   const bool has_unseen = answers.unseen != nullptr;
   if (batches != nullptr && surfaces.size() == 1 && surfaces[0].role == SurfaceRole::frame &&
-      scene.bodies.empty() && (!has_unseen || scenes != nullptr) && !has_spheres &&
-      (scenes == nullptr || is_for_batch(surfaces))) {
+      scene.bodies.empty() && (!has_unseen || scenes != nullptr) && !has_spheres) {
     PoseBatch batch{.X_WT = poses.X_WT, .gpu = poses.gpu};
     if (!(surfaces[0].X_WC == Pose{})) batch.X_WC = {&surfaces[0].X_WC, 1};
     const Status s = batches->measure(surfaces[0], batch, contact, stream);
