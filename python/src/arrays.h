@@ -102,7 +102,7 @@ std::vector<Pose> poses_of(nb::handle given, const char* name);
 std::span<const Pose> poses_in(const Doubles& numbers, const char* name,
                                std::vector<Pose>& converted);
 
-/// Those of an array on a GPU. ValueError: another shape, type or layout.
+/// Returns those of an array on a GPU. ValueError: another shape, type or layout.
 std::span<const Pose> poses_on_gpu(const AnyArray& array, const char* name);
 
 /// Returns a depth image in native byte order, with pixels that NumPy masks as 0: no measurement.

@@ -248,8 +248,8 @@ __global__ void __launch_bounds__(kRimThreads, kRimThreadsAtOnce / kRimThreads)
     RimSearch search{pixel_at(u, v), {}, {}};
     const auto limits = one_lane::exit_limits(search.own.plane, search.own.depth, rules.width_u);
     int exit = 0, occluder = 0;
-    // Nearest first: bit 2 k and the next one are the edges k pixels to the right and to the left.
-    // So lanes that see different edges go through them together.
+    // Nearest first: bit 2 k and the next one are the edges k pixels to the right and to the left,
+    // which lanes that see different edges go through together.
     unsigned nearest = 0;
 #pragma unroll
     for (int k = 0; k < kReach; ++k) {

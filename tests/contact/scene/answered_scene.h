@@ -12,10 +12,26 @@
 
 namespace palpate::test {
 
+/// Numbers of a pose that lay_out asks for.
+inline constexpr std::size_t kNumNumbers = 1 + 1 + 3 + 3 + 36 + 1 + 1 + 6;
+
+/// Lets the answers of `num` poses have their numbers from `at` on, one kind after the other.
+inline void lay_out(SceneAnswers& answers, double* at, std::size_t num) {
+  const auto take = [&](std::size_t each) { return std::exchange(at, at + each * num); };
+  answers.contact = {.volume = take(1),
+                     .potential = take(1),
+                     .force = take(3),
+                     .torque = take(3),
+                     .stiffness = take(36)};
+  answers.unseen = take(1);
+  answers.clearance = take(1);
+  answers.clearance_gradient = take(6);
+}
+
 /// All answers of P poses.
 struct Answered {
   Answered(std::size_t num, std::size_t num_spheres, std::size_t num_groups)
-      : numbers(num * (1 + 1 + 3 + 3 + 36 + 1 + 1 + 6)),
+      : numbers(num * kNumNumbers),
         status(num),
         nearest(num),
         decided(num),
@@ -24,17 +40,8 @@ struct Answered {
         group_clearance(num_groups),
         group_volume(num_groups),
         group_pose(num_groups) {
-    double* at = numbers.data();
-    const auto take = [&](std::size_t each) { return std::exchange(at, at + each * num); };
-    answers.contact = {.volume = take(1),
-                       .potential = take(1),
-                       .force = take(3),
-                       .torque = take(3),
-                       .stiffness = take(36),
-                       .status = status.data()};
-    answers.unseen = take(1);
-    answers.clearance = take(1);
-    answers.clearance_gradient = take(6);
+    lay_out(answers, numbers.data(), num);
+    answers.contact.status = status.data();
     answers.nearest = nearest.data();
     answers.decided = decided.data();
     answers.sphere_depth = sphere_depth.data();

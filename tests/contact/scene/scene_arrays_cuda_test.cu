@@ -54,19 +54,11 @@ struct Mixed {
 
 /// Arrays on the GPU for what an Answered has, of P poses and no groups and spheres.
 struct AnsweredThere {
-  explicit AnsweredThere(std::size_t num) : num_numbers(num * (1 + 1 + 3 + 3 + 36 + 1 + 1 + 6)) {
-    double* at = numbers = memory.take<double>(num_numbers);
-    const auto take = [&](std::size_t each) { return std::exchange(at, at + each * num); };
-    answers.contact = {.volume = take(1),
-                       .potential = take(1),
-                       .force = take(3),
-                       .torque = take(3),
-                       .stiffness = take(36),
-                       .status = memory.take<std::uint32_t>(num),
-                       .gpu = 0};
-    answers.unseen = take(1);
-    answers.clearance = take(1);
-    answers.clearance_gradient = take(6);
+  explicit AnsweredThere(std::size_t num) : num_numbers(num * test::kNumNumbers) {
+    numbers = memory.take<double>(num_numbers);
+    test::lay_out(answers, numbers, num);
+    answers.contact.status = memory.take<std::uint32_t>(num);
+    answers.contact.gpu = 0;
     answers.nearest = memory.take<std::int32_t>(num);
     answers.decided = memory.take<std::int32_t>(num);
   }
