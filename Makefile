@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test busy-test golden clang fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak pictures simulator-pictures docs packing-curves peer-times eval eval-quick eval-check asan tsan large-inputs peers-of-files cuda gpu-check view-soak arm64 wheel web-core packages try-packages try-demo try-test ci-all compile-times clean
+.PHONY: help setup lint format tidy build demo test long-test quick-test busy-test golden clang fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak pictures simulator-pictures docs packing-curves peer-times eval eval-quick eval-check asan tsan large-inputs peers-of-files cuda gpu-check view-soak arm64 wheel web-core packages try-packages try-demo try-test ci-all compile-times clean
 
 help:  ## this list
 	@grep -hE '^[a-z0-9 -]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9 -]+):.*## */\1\t/' | expand -t 16
@@ -28,7 +28,12 @@ test:  ## set up, lint, build, and run all tests
 	$(MAKE) lint
 	$(call build_preset,release)
 	tools/check_kernel_objects.sh build/release
-	scripts/test.sh release
+	scripts/test.sh release -LE long
+
+long-test: setup  ## tests with more than a minute of processor whose parts have tests of their own (label long)
+	scripts/setup.sh --test
+	$(call build_preset,release)
+	scripts/test.sh release -L long
 
 quick-test:  ## only rebuild and test: make quick-test [MODULE=contact]
 	cmake --preset release
@@ -238,7 +243,7 @@ try-demo try-test:  ## make demo or make test in a fresh Debian 12, each line wi
 	scripts/try_fresh.sh $(@:try-%=%)
 
 ci-all:  ## all that needs no special hardware: tests, sanitizers, Clang, fuzzing, large inputs, files of other libraries and clang-tidy, Arm, packages, the page of the evaluation; hours
-	for check in test clang asan tsan fuzz large-inputs peers-of-files tidy arm64 web-core try-packages eval-check; do $(MAKE) $$check || exit 1; done
+	for check in test long-test clang asan tsan fuzz large-inputs peers-of-files tidy arm64 web-core try-packages eval-check; do $(MAKE) $$check || exit 1; done
 
 clean:  ## remove build/ and demo/
 	rm -rf build demo

@@ -5,7 +5,7 @@ usage: tests/docs/commands_test.py PALPATE [PAGE ...]
 
 A fenced block is run unless the line before it is `<!-- not run: WHY -->`; then WHY is printed. A
 block in python or c++ is not a command. What a reader brings (meshes, frames, recordings of pages
-before) is made by the program itself; long runs are cut to two or three seconds, and pages are
+before) is made by the program itself; long runs are cut to one or three seconds, and pages are
 served until they answer. Every command has to end with 0, no tool may be packed that feels nothing at
 an end, and what a page is about has to be in its runs (subjects.py).
 """
@@ -13,6 +13,7 @@ import fcntl
 import gzip
 import os
 import re
+import resource
 import shutil
 import signal
 import struct
@@ -91,7 +92,7 @@ def bring(folder, palpate):
 
 
 def shortened(command):
-    command = re.sub(r"--duration (\d+)", lambda m: f"--duration {min(int(m.group(1)), 2)}", command)
+    command = re.sub(r"--duration (\d+)", lambda m: f"--duration {min(int(m.group(1)), 1)}", command)
     # The paths of simulated scenes touch them within three of their up to eight seconds.
     if re.search(r"\btouch .*(--scene |scene:)", command) and not re.search(r"--(duration|device|path|robot|view)\b", command):
         command = command.replace("touch ", "touch --duration 3 ", 1)
@@ -120,6 +121,12 @@ def serve(command, folder, environment):
     return (0 if "http://" in text and status in (0, 130, -signal.SIGINT) else status or 1), text
 
 
+def processor_seconds():
+    """Returns what the commands so far have used."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
 def run_page(page, palpate, brought):
     """The number of commands that failed, and of those that were run."""
     num_failed = num_run = 0
@@ -143,7 +150,7 @@ def run_page(page, palpate, brought):
                     command = shortened(command)
                 if not command or command.startswith(("#", "alias ")):
                     continue
-                begin = time.monotonic()
+                begin, used = time.monotonic(), processor_seconds()
                 if SERVES.search(command):
                     # One at a time, in whatever part: all have the same port.
                     with open(Path(tempfile.gettempdir()) / "palpate-docs-port", "w", encoding="ascii") as port:
@@ -157,8 +164,8 @@ def run_page(page, palpate, brought):
                 all_said += said
                 if "stays empty and feels nothing" in said:
                     status = status or 1
-                print(f"{name}:{line}: {command}: {status}, {time.monotonic() - begin:.1f} s",
-                      flush=True)
+                print(f"{name}:{line}: {command}: {status}, {time.monotonic() - begin:.1f} s, "
+                      f"{processor_seconds() - used:.1f} s of processor", flush=True)
                 if status != 0:
                     num_failed += 1
                     print(said[-3000:])
