@@ -176,6 +176,22 @@ TEST(AdaptiveFilter, PlanesLoseNoiseOfAnyCorrelation) {
   }
 }
 
+/// Waves of 20 mm over the whole image: their details are as frequent as those of noise.
+TEST(AdaptiveFilter, ShapeThatFillsTheImageIsNotNoise) {
+  for (const int width : {160, 320, 640}) {
+    const double period = 23.0 * width / 160;
+    const auto waves = scene_of(width, width * 3 / 4, [&](double u, double) {
+      return 1.2 + 0.02 * std::sin(2 * 3.14159265358979 * u / period);
+    });
+    const DepthScene noisy = with_noise(waves, 0.0024, 0, 11);
+    SurfaceOptions bilateral;
+    bilateral.filter.smoothing = Smoothing::bilateral;
+    const double error = rms_error(smoothed(noisy), waves, 8);
+    EXPECT_LT(error, rms_error(smoothed(noisy, bilateral), waves, 8)) << width;
+    EXPECT_LT(error, 0.001) << width;
+  }
+}
+
 TEST(AdaptiveFilter, StepsKeepTheirHeightAndSmallBallsTheirs) {
   const auto step = scene_of(320, 240, [](double u, double) { return u < 160 ? 0.6 : 0.595; });
   const std::vector<float> after = smoothed(with_noise(step, 0.001, 2, 3));

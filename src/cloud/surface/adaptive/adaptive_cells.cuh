@@ -196,7 +196,7 @@ __device__ inline void fit_noise(NoiseShared& shared) {
     const DetailNoise at = lane < kDepths ? shared.by_depth[level][lane] : DetailNoise{};
     const unsigned known = __ballot_sync(gpu::kWholeWarp, at.sd >= 0);
     if (at.sd >= 0) {
-      const double sd = limited_noise(at, level, before, most);
+      const double sd = limited_noise(at, level, shared.noise, most);
       if (most < sd) most = sd;
       const NoiseCurve terms = NoiseCurve::of(at.z, sd, at.num);
 #pragma unroll

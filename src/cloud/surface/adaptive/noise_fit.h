@@ -109,16 +109,22 @@ struct NoiseCurve {
   PALPATE_HOSTDEV double determinant() const { return sums[0] * sums[2] - sums[1] * sums[1]; }
 };
 
-/// Returns the noise of a depth at a level: at most a few times that of the finer ones, `before`
-/// the next finer one and `most` the most of all. More is shape.
+/// Returns the noise of a depth at a level: limited by that of the finer `levels` and by `most`, the
+/// most of all of them. More is shape.
 PALPATE_HOSTDEV inline double limited_noise(const DetailNoise& at, int level,
-                                            const ScaleNoise& before, double most) {
+                                            const ScaleNoise* levels, double most) {
   // Growth of the noise from the finer levels to the next one. White noise falls by half; noise
-  // that is smooth over a few pixels grows up to their number.
+  // that is smooth over a few pixels grows up to their number, from level to level ever less.
   constexpr double max_growth[kNumScales] = {0, 3, 2, 1.25, 1};
   if (level == 0) return at.sd;
-  const double known = before.at(at.z);
-  const double limit = max_growth[level] * (most < known ? known : most);
+  const double known = levels[level - 1].at(at.z);
+  double growth = max_growth[level];
+  if (level > 1) {
+    const double finer = levels[level - 2].at(at.z);
+    if (known < growth * finer) growth = finer < known ? known / finer : 1;
+  }
+  // Noise that has fallen may rise again, as that of a Kinect does, but not to all of `most`.
+  const double limit = growth * (most < known ? known : std::sqrt(known * most));
   return limit < at.sd ? limit : at.sd;
 }
 

@@ -38,7 +38,7 @@ std::array<ScaleNoise, kNumScales> noise_of(const std::array<DetailCounts, kNumS
     for (int z = 0; z < DetailCounts::kDepths; ++z) {
       const DetailNoise noise = detail_noise(counts[at].counts[z], z);
       if (noise.sd < 0) continue;
-      const double sd = limited_noise(noise, level, before, most[z]);
+      const double sd = limited_noise(noise, level, result.data(), most[z]);
       if (most[z] < sd) most[z] = sd;
       curve.add(NoiseCurve::of(noise.z, sd, noise.num));
     }
