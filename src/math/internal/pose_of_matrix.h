@@ -38,8 +38,9 @@ PALPATE_HOSTDEV Pose pose_of_matrix(const Real* matrix) {
   double m[4][4];
   for (int i = 0; i < 16; ++i) m[i / 4][i % 4] = static_cast<double>(matrix[i]);
   Mat3d R;
-  bool is_near = std::abs(m[3][0]) + std::abs(m[3][1]) + std::abs(m[3][2]) +
-                     std::abs(m[3][3] - 1) <= kTolerance;
+  bool is_near =
+      std::abs(m[3][0]) + std::abs(m[3][1]) + std::abs(m[3][2]) + std::abs(m[3][3] - 1) <=
+      kTolerance;
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) {
       R.m[i][j] = m[i][j];

@@ -19,8 +19,8 @@ void expect_those_of_the_cpu(bool is_matrix) {
     const std::vector<Real> to = asked.to, by_scale = asked.by_scale;
     job.poses.gpu = 0;
     job.poses.numbers = memory.copy_of(asked.numbers);
-    job.p_TC = memory.copy_of(std::vector<double>{asked.spring.p_TC.x, asked.spring.p_TC.y,
-                                                  asked.spring.p_TC.z});
+    job.p_TC = memory.copy_of(
+        std::vector<double>{asked.spring.p_TC.x, asked.spring.p_TC.y, asked.spring.p_TC.z});
     const double* const wrench = memory.copy_of(asked.wrench);
     job.by_shift = wrench;
     job.by_turn = wrench + 3 * asked.num;

@@ -158,15 +158,14 @@ TEST_P(PoseGradientsTest, AreZeroWhereThereIsNoPose) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Numbers, PoseGradientsTest, testing::Bool(), [](const auto& of) {
-  return std::string(of.param ? "Matrix" : "Seven");
-});
+INSTANTIATE_TEST_SUITE_P(Numbers, PoseGradientsTest, testing::Bool(),
+                         [](const auto& of) { return std::string(of.param ? "Matrix" : "Seven"); });
 
 /// Turns of all kinds: small ones, half turns about each axis, and any.
 TEST(PlainPosesTest, AreThoseOfTheirMatrices) {
   test::Random random(5);
-  std::vector<Quaternion> turns{
-      {0, 0, 0, 1}, {1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {1e-9, 0, 0, 1}, {1, 1e-9, 0, 1e-9}};
+  std::vector<Quaternion> turns{{0, 0, 0, 1}, {1, 0, 0, 0},    {0, 1, 0, 0},
+                                {0, 0, 1, 0}, {1e-9, 0, 0, 1}, {1, 1e-9, 0, 1e-9}};
   for (int i = 0; i < 50; ++i) turns.push_back(random.rotation(3.1));
   for (const Quaternion& turn : turns) {
     const Pose X{{0.1, 0.2, 0.3}, normalized(turn)};
@@ -177,7 +176,8 @@ TEST(PlainPosesTest, AreThoseOfTheirMatrices) {
       Pose got;
       ASSERT_TRUE(put_plain_poses({from, 1, true, is_single}, &got.translation.x));
       const std::vector<double> back = test::matrix_of(got);
-      for (std::size_t k = 0; k < 16; ++k) EXPECT_NEAR(back[k], matrix[k], is_single ? 2e-7 : 1e-14);
+      for (std::size_t k = 0; k < 16; ++k)
+        EXPECT_NEAR(back[k], matrix[k], is_single ? 2e-7 : 1e-14);
     }
   }
   std::vector<double> mirror = test::matrix_of({});
