@@ -16,6 +16,10 @@
 namespace palpate { inline namespace v0 {
 namespace {
 
+/// Launches whose poses and answers are all on the GPU have so many times more poses: they take no
+/// turns, so that what their last warps take counts.
+constexpr std::size_t kMoreThere = 4;
+
 /// Answers of a question, and whose memory they are in.
 struct PoseAnswers {
   SceneAnswers clearance;
@@ -68,8 +72,9 @@ class ClearanceBatchCuda final : public ClearanceBatch {
       launch.X_WT = memory_.take<Pose>(at_once);
       launch.tool_of_pose = memory_.take<std::int32_t>(at_once);
       launch.group_of_pose = memory_.take<std::int32_t>(at_once);
-      launch.hits = memory_.take<ClearanceHit>(at_once);
-      launch.found = memory_.take<Clearance>(at_once);
+      const std::size_t most = &launch == &launches_[2] ? kMoreThere * at_once : at_once;
+      launch.hits = memory_.take<ClearanceHit>(most);
+      launch.found = memory_.take<Clearance>(most);
       SceneAnswers& staged = launch.staged.clearance;
       staged.clearance = memory_.take<double>(at_once);
       staged.nearest = memory_.take<std::int32_t>(at_once);
@@ -255,7 +260,9 @@ class ClearanceBatchCuda final : public ClearanceBatch {
                        std::to_string(gpu_)};
     }
     const std::size_t num = poses.X_WT.size();
-    const std::size_t at_once = question.smoothing > 0 ? soft_at_once_ : at_once_;
+    const std::size_t at_once = question.smoothing > 0         ? soft_at_once_
+                                : given != nullptr && !is_here ? kMoreThere * at_once_
+                                                               : at_once_;
     // Far more time than it takes.
     const double patience = 60 + static_cast<double>(num) / 1e4;
     if (to.is_within != nullptr && has_groups) {
@@ -326,7 +333,7 @@ class ClearanceBatchCuda final : public ClearanceBatch {
     gpu::launch(stream, threads, refine_poses, question);
     if (question.num_bodies > 0) gpu::launch(stream, warps, search_bodies, question);
     if (question.smoothing > 0) gpu::launch(stream, warps, soften_poses, question);
-    gpu::launch(stream, threads, put_poses, question);
+    if (!question.is_refined_last()) gpu::launch(stream, threads, put_poses, question);
   }
 
   /// Copies the answers of a launch to the arrays of the caller in host memory.

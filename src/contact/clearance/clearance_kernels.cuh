@@ -1,6 +1,7 @@
 // Kernels of clearance on a GPU: a warp searches for the spheres of a pose as a vector of a
-// processor does, with the same text (nearest_sphere.h); then a thread refines what it has found, a
-// warp asks the bodies, and a thread writes the answers.
+// processor does, with the same text (nearest_sphere.h); then a thread refines what it has found
+// and writes the answers. With bodies, or for a smooth minimum, a warp asks them before these are
+// written.
 #pragma once
 
 #include "src/gpu/internal/warp_lanes.cuh"
@@ -12,7 +13,11 @@
 
 namespace palpate { inline namespace v0 { namespace {
 
-constexpr int kWarps = 4;  // of a block
+// Warps of a block. One: poses take very different times, and the place of a block is free only
+// when all of its warps are done.
+constexpr int kWarps = 1;
+// Blocks that search on a multiprocessor: as many as it takes, by 64 registers a thread.
+constexpr int kBlocksThatSearch = 32 / kWarps;
 /// Clearance of a pose that is known to be below the margin, m.
 constexpr double kBelowAll = -1e300;
 
@@ -40,6 +45,8 @@ struct Question {
   std::uint8_t* is_within = nullptr;            // of poses, or groups; of a margin
   const std::int32_t* group_of_pose = nullptr;  // null: of poses
 
+  /// What is refined is the answer.
+  PALPATE_HOSTDEV bool is_refined_last() const { return num_bodies == 0 && !(smoothing > 0); }
   __device__ const ToolOnGpu& tool(int pose) const {
     return tools[tool_of_pose != nullptr ? tool_of_pose[pose] : 0];
   }
@@ -71,7 +78,7 @@ struct CameraScratch {
   ClearanceCamera of_warp[kWarps][kMaxCameras];
 };
 
-__global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
+__global__ void __launch_bounds__(kWarps* gpu::kWarpSize, kBlocksThatSearch)
     search_poses(const __grid_constant__ Question question) {
   auto& cameras = gpu::shared_memory<CameraScratch>().of_warp[gpu::warp_id()];
   const int pose = static_cast<int>(blockIdx.x) * kWarps + gpu::warp_id();
@@ -89,6 +96,21 @@ __global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
   if (gpu::lane_id() == 0) question.hits[pose] = hit;
 }
 
+/// Writes the answer of a pose.
+__device__ inline void put_pose(const Question& question, int pose, const Clearance& found) {
+  const bool is_measured = question.is_measured(pose);
+  if (question.is_margin == 0) {
+    return put_clearance(static_cast<std::size_t>(pose), is_measured ? found : Clearance{},
+                         question.out);
+  }
+  const bool is_hit = !is_measured || found.value < question.limit;
+  if (question.group_of_pose == nullptr) {
+    question.is_within[pose] = is_hit ? 1 : 0;
+  } else if (is_hit) {
+    question.is_within[question.group_of_pose[pose]] = 1;
+  }
+}
+
 __global__ void refine_poses(const __grid_constant__ Question question) {
   const int pose = gpu::grid_thread();
   if (pose >= question.num_poses) return;
@@ -103,6 +125,7 @@ __global__ void refine_poses(const __grid_constant__ Question question) {
         is_hit_within(question.cameras, of.tool, hit, question.search(of, X), X, question.limit);
     found.value = is_hit ? kBelowAll : question.limit;
   }
+  if (question.is_refined_last()) return put_pose(question, pose, found);
   question.found[pose] = found;
 }
 
@@ -208,19 +231,7 @@ __global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
 
 __global__ void put_poses(const __grid_constant__ Question question) {
   const int pose = gpu::grid_thread();
-  if (pose >= question.num_poses) return;
-  const bool is_measured = question.is_measured(pose);
-  const Clearance& found = question.found[pose];
-  if (question.is_margin == 0) {
-    return put_clearance(static_cast<std::size_t>(pose), is_measured ? found : Clearance{},
-                         question.out);
-  }
-  const bool is_hit = !is_measured || found.value < question.limit;
-  if (question.group_of_pose == nullptr) {
-    question.is_within[pose] = is_hit ? 1 : 0;
-  } else if (is_hit) {
-    question.is_within[question.group_of_pose[pose]] = 1;
-  }
+  if (pose < question.num_poses) put_pose(question, pose, question.found[pose]);
 }
 
 }}}  // namespace palpate::v0
