@@ -51,8 +51,9 @@ void expect_those_of_the_cpu(bool is_matrix) {
     ASSERT_TRUE(stream.wait());
     ASSERT_TRUE(put_plain_poses(asked.job(false).poses, expected.data()));
     for (std::size_t k = 0; k < seven.size(); ++k) {
-      if (std::isfinite(expected[k])) ASSERT_NEAR(seven[k], expected[k], 1e-14) << k;
       ASSERT_EQ(std::isfinite(seven[k]), std::isfinite(expected[k])) << k;
+      if (!std::isfinite(expected[k])) continue;
+      ASSERT_NEAR(seven[k], expected[k], 1e-14) << k;
     }
   }
 }
