@@ -45,7 +45,7 @@ struct Question {
   std::uint8_t* is_within = nullptr;            // of poses, or groups; of a margin
   const std::int32_t* group_of_pose = nullptr;  // null: of poses
 
-  /// What is refined is the answer.
+  /// True if nothing comes after the planes: their clearance is the answer.
   PALPATE_HOSTDEV bool is_refined_last() const { return num_bodies == 0 && !(smoothing > 0); }
   __device__ const ToolOnGpu& tool(int pose) const {
     return tools[tool_of_pose != nullptr ? tool_of_pose[pose] : 0];

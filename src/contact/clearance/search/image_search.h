@@ -360,7 +360,7 @@ class ImageSearch {
   bool is_shared_;
   CameraPoint<float> middle_;
   VecF from_middle_;
-  // Of the only sphere: its lane, and what it has found so far.
+  // The only sphere: its lane, and what it has found so far.
   int lane_ = 0;
   float radius_ = 0, distance2_ = 0;
   std::int32_t pixel_ = -1;
