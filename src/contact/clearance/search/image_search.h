@@ -38,6 +38,9 @@ PALPATE_LANE_CODE inline void clip(float x, float reach, float near_scale, float
 // right < left or bottom < top.
 struct Squares {
   int level = 0, left = 0, right = -1, top = 0, bottom = -1;
+
+  PALPATE_LANE_CODE int wide() const { return right - left + 1; }
+  PALPATE_LANE_CODE int high() const { return bottom - top + 1; }
 };
 PALPATE_LANE_CODE inline Squares squares_around(const Image& image, const CameraPoint<float>& at,
                                                 float reach) {
@@ -176,15 +179,16 @@ class ImageSearch {
 
   template <int kLevel>
   PALPATE_LANE_CODE void visit_all(const Squares& squares) {
-    if constexpr (kSingle) {
-      const int wide = squares.right - squares.left + 1, high = squares.bottom - squares.top + 1;
-      if (kLevel < Image::kLevels - 1 || wide * high <= kPerBlock) {
-        return visit_best<kLevel>(squares, wide, high);
+    if constexpr (kSingle && kLevel < Image::kLevels - 1) {
+      visit_best<kLevel>(squares);
+    } else {
+      if (kSingle && squares.wide() * squares.high() <= kPerBlock) {
+        return visit_best<kLevel>(squares);
       }
-    }
-    for (int row = squares.top; row <= squares.bottom; ++row) {
-      for (int column = squares.left; column <= squares.right; ++column) {
-        visit<kLevel>(column, row, false);
+      for (int row = squares.top; row <= squares.bottom; ++row) {
+        for (int column = squares.left; column <= squares.right; ++column) {
+          visit<kLevel>(column, row, false);
+        }
       }
     }
   }
@@ -288,7 +292,8 @@ class ImageSearch {
 
   // Looks into up to sixteen squares of an image for one sphere, the nearest ones first.
   template <int kLevel>
-  PALPATE_LANE_CODE void visit_best(const Squares& squares, int wide, int high) {
+  PALPATE_LANE_CODE void visit_best(const Squares& squares) {
+    const int wide = squares.wide(), high = squares.high();
     constexpr float kSize = 1 << (2 * kLevel);
     const float span_x = (kSize - 1) * image_.per_fx, span_y = (kSize - 1) * image_.per_fy;
     const float per_wide = 1.0f / static_cast<float>(wide);
