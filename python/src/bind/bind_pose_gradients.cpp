@@ -67,10 +67,13 @@ class PoseArrays {
                      nb::dlpack::dtype type, std::ptrdiff_t* step, std::vector<Array>& kept) const {
     if (given.is_none()) return nullptr;
     const Array array = cast<Array>(given, name);
-    std::vector<std::size_t> desired{poses.num};
-    desired.insert(desired.end(), inner.begin(), inner.end());
-    const std::string shape = shape_of(array);
-    if (shape != shape_text(desired)) refuse_shape(name, shape, shape_text(desired).c_str());
+    bool fits = array.ndim() == 1 + inner.size() && array.shape(0) == poses.num;
+    for (std::size_t k = 0; fits && k < inner.size(); ++k) fits = array.shape(k + 1) == inner[k];
+    if (!fits) {
+      std::vector<std::size_t> desired{poses.num};
+      desired.insert(desired.end(), inner.begin(), inner.end());
+      refuse_shape(name, shape_of(array), shape_text(desired).c_str());
+    }
     if (memory_of(array, name) != poses.gpu) {
       throw nb::value_error((std::string(name) + ": is elsewhere than the poses").c_str());
     }
