@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import pose_matrix
+from conftest import CUBE_TRIANGLES, CUBE_VERTICES, pose_matrix
 
 import palpate
 
@@ -25,6 +25,12 @@ def felt(request):
     pixels = [(60, 70), (50, 90), (70, 80)]
     poses = [[*surface.points[v, u], *random.normal(size=4) * 1.3] for v, u in pixels]
     return surface, torch.tensor(np.array(poses, np.float64), requires_grad=True)
+
+
+@pytest.fixture(scope="module")
+def apart():
+    """A cube whose center of mass is not the origin of T."""
+    return palpate.pack(CUBE_VERTICES + [0.02, 0.01, -0.03], CUBE_TRIANGLES, 60)
 
 
 def scaled(tool, surface):
@@ -136,7 +142,7 @@ def test_tensors_are_images_and_poses(cube, felt):
     assert torch.from_dlpack(by_numpy.points).shape == (120, 160, 3)
 
 
-def test_gradcheck_of_the_clearance(cube):
+def test_gradcheck_of_the_clearance(cube, apart):
     depth, camera, _ = palpate.render_scene("pillar", 0.0, width=160, height=120)
     surface = palpate.Sensor(camera).update(depth)
     pose = [*(surface.points[60, 40] - [0, 0, 0.06]), 0.1, 0.9, -0.2, 0.4]
@@ -145,6 +151,7 @@ def test_gradcheck_of_the_clearance(cube):
     assert 0 < value.item() < 0.1
     assert torch.autograd.gradcheck(lambda p: clearance(cube, surface, p), (poses,), eps=1e-7, atol=1e-5)
     assert torch.autograd.gradgradcheck(lambda p: clearance(cube, surface, p), (poses,), eps=1e-6, atol=1e-4)
+    assert torch.autograd.gradgradcheck(lambda p: clearance(apart, surface, p), (poses,), eps=1e-6, atol=1e-4)
     X = torch.tensor(np.array([pose_matrix(pose)]), requires_grad=True)
     assert clearance(cube, surface, X).item() == pytest.approx(value.item(), rel=1e-9)
     (gradient,) = torch.autograd.grad(clearance(cube, surface, X), X)
@@ -216,12 +223,12 @@ def test_both_kinds_of_poses_have_the_same_derivatives(cube, felt):
             assert one.abs().max() > 0 and torch.allclose(one, other, rtol=1e-9, atol=1e-9 * float(one.abs().max()))
 
 
-def test_gradgradcheck_of_the_potential(cube, felt):
+def test_gradgradcheck_of_the_potential(apart, felt):
     surface, poses = felt
     scale = torch.tensor([1.3, 0.7, 0.9], dtype=torch.float64, requires_grad=True)
 
     def numbers(given, by):
-        return by * penetration(cube, surface, given).potential / (cube.volume * 0.01)
+        return by * penetration(apart, surface, given).potential / (apart.volume * 0.01)
 
     assert torch.autograd.gradgradcheck(numbers, (poses, scale), eps=1e-8, atol=1e-2, rtol=1e-2)
 
