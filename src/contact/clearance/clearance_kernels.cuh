@@ -16,8 +16,6 @@ namespace palpate { inline namespace v0 { namespace {
 // Warps of a block. One: poses take very different times, and the place of a block is free only
 // when all of its warps are done.
 constexpr int kWarps = 1;
-// Blocks that search on a multiprocessor: as many as it takes, by 64 registers a thread.
-constexpr int kBlocksThatSearch = 32 / kWarps;
 /// Clearance of a pose that is known to be below the margin, m.
 constexpr double kBelowAll = -1e300;
 
@@ -129,7 +127,7 @@ __global__ void place_poses(const __grid_constant__ Question question) {
   question.hits[pose] = {};
 }
 
-__global__ void __launch_bounds__(kWarps* gpu::kWarpSize, kBlocksThatSearch)
+__global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
     search_poses(const __grid_constant__ Question question) {
   const int pose = static_cast<int>(blockIdx.x) * kWarps + gpu::warp_id();
   if (pose >= question.num_poses || question.is_near[pose] == 0) return;
