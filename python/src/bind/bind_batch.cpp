@@ -178,7 +178,7 @@ struct PoseArgument {
 nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
                          nb::handle surface_of_pose, bool stiffness, bool with_std, nb::handle out,
                          nb::handle stream) {
-  if (with_std) check_std(self, true);
+  if (with_std) check_std(self);
   const std::vector<PyBody> bodies = bodies_of(surfaces);
   if (!bodies.empty() && (self.place().backend != Backend::cpu || self.method() != "field")) {
     throw PalpateError(

@@ -57,7 +57,7 @@ void check_surfaces(const std::vector<nb::object>& surfaces, const PyContact& co
 
 PyResult measure(PyContact& self, nb::handle given, nb::handle pose, bool with_stiffness,
                  bool with_std, bool with_states) {
-  if (with_std) check_std(self, false);
+  if (with_std) check_std(self);
   const std::vector<nb::object> surfaces = surfaces_of(given);
   // Same bits as in a batch, which does not normalize quaternions.
   const Pose X_WT = surfaces.size() == 1 ? given_pose(pose, "pose") : pose_of(pose, "pose");
