@@ -22,21 +22,24 @@ constexpr int kFirstProduct = kNumChanges;
 constexpr int kNumReachSums = 16, kFirstBound = 3, kFirstSlope = kFirstBound + kNumChanges;
 static_assert(kFirstSlope + kNumChanges - 1 == kNumReachSums);
 
-/// A node of a grid, first in units of its own.
-union alignas(16) NoiseNode {
-  std::int32_t whole[kNoiseNumbers];
-  float number[kNoiseNumbers];
+/// A number of a node, first in units of its own.
+union NoiseSum {
+  std::int32_t whole;
+  float number;
 };
-constexpr int kMaxNodes = kNoiseNodes * kNoiseNodes;
-/// Nodes of a grid that was made from a finer one.
-constexpr int kMaxWideNodes = (kNoiseNodes / 2 + 2) * (kNoiseNodes / 2 + 2);
+/// Nodes of a grid, and of one that was made from a finer grid.
+constexpr int kMostNodes = kNoiseNodes * kNoiseNodes;
+constexpr int kMostWideNodes = (kNoiseNodes / 2 + 2) * (kNoiseNodes / 2 + 2);
 
-/// Changes by the elements that a warp adds at a time.
-struct StagedChanges {
-  // So four elements and eight numbers of each lie in different banks.
-  static constexpr int kApart = gpu::kWarpSize + 4;
-  float by_depth[kNoiseNumbers][kApart], by_u[kNoiseNumbers][kApart], by_v[kNoiseNumbers][kApart];
-  float u[kApart], v[kApart];
+/// A grid in shared memory: number by number, so that neighbors lie in different banks.
+struct SharedGrid {
+  CellWindow window;
+  NoiseSum* sums;
+  int apart;  ///< from one number to the next
+
+  __device__ int wide() const { return window.right - window.left + 1; }
+  __device__ int num() const { return wide() * (window.bottom - window.top + 1); }
+  __device__ NoiseSum& at(int k, int node) const { return sums[k * apart + node]; }
 };
 
 /// Shared memory of the sums; `variances` are those of all cameras that were added.
@@ -44,18 +47,14 @@ template <int kWarps>
 struct NoiseScratch {
   double variances[kNumVariances];
 
-  NoiseNode nodes[kMaxNodes];
-  union {
-    StagedChanges staged[kWarps];
-    NoiseNode wide[kMaxWideNodes];
-  };
+  NoiseSum nodes[kNumChanges * kMostNodes], wide[kNumChanges * kMostWideNodes];
   double sums[kWarps][kNumReachSums];
   float edges[kWarps][4];  // least u, v, and those of -u, -v
   double of_grids[kNumNoiseLevels][kWarps][kNumReachSums];
   NoiseReach reach;
   CellWindow window;
   NoiseScales scales;
-  int exponents[kNoiseNumbers];
+  int exponents[kNumChanges];
   // Windows in which the field is looked at, the noise of their cells, and what is left of it.
   int num_looks;
   CellWindow looks[kLastSmoothed + 1];
@@ -177,65 +176,49 @@ __device__ void look_at_bends(const FieldGrid& grid, const FieldPixels& pixels,
   }
 }
 
-// Adds the elements of a camera to the nodes: four at a time, of each eight numbers.
-template <int kWarps>
-__device__ void add_to_nodes(const KeptRows& kept, int camera, const NoiseCamera& view,
-                             NoiseScratch<kWarps>& shared) {
-  constexpr int kAtOnce = gpu::kWarpSize / kNoiseNumbers;
-  const int lane = gpu::lane_id(), k = lane % kNoiseNumbers;
-  const CellWindow& window = shared.window;
+// Adds the elements of a camera to the nodes, in their units.
+__device__ inline void add_to_nodes(const KeptRows& kept, int camera, const NoiseCamera& view,
+                                    const int (&exponents)[kNumChanges], const SharedGrid& grid) {
+  const CellWindow& window = grid.window;
   const float scale = 1 / static_cast<float>(1 << window.level);
-  const float units = ldexpf(1, shared.exponents[k]);
-  const int wide = window.right - window.left + 1;
-  StagedChanges& staged = shared.staged[gpu::warp_id()];
   for_rows(kept, [&](std::ptrdiff_t first, int num) {
-    const std::ptrdiff_t row = first + lane;
-    const bool is_mine =
-        lane < num && kept.rows.at(NoiseRow::camera, row) == static_cast<float>(camera);
-    if (is_mine) {
-      const NoiseChange change = noise_change(kept.rows, row, view);
+    const std::ptrdiff_t row = first + gpu::lane_id();
+    if (gpu::lane_id() >= num) return;
+    if (kept.rows.at(NoiseRow::camera, row) != static_cast<float>(camera)) return;
+    const NoiseChange change = noise_change(kept.rows, row, view);
+    const NodeWeights u = node_weights(kept.rows.at(NoiseRow::u, row), window.left, scale);
+    const NodeWeights v = node_weights(kept.rows.at(NoiseRow::v, row), window.top, scale);
 #pragma unroll
-      for (int i = 0; i < kNoiseNumbers; ++i) {
-        staged.by_depth[i][lane] = change.by_depth[i];
-        staged.by_u[i][lane] = change.by_u[i];
-        staged.by_v[i][lane] = change.by_v[i];
-      }
-      staged.u[lane] = kept.rows.at(NoiseRow::u, row);
-      staged.v[lane] = kept.rows.at(NoiseRow::v, row);
-    }
-    const unsigned mine = __ballot_sync(gpu::kWholeWarp, is_mine);
-    __syncwarp();
-    for (int i = lane / kNoiseNumbers; i < num; i += kAtOnce) {
-      if (k >= kNumChanges || (mine >> i & 1) == 0) continue;
-      const NodeWeights u = node_weights(staged.u[i], window.left, scale);
-      const NodeWeights v = node_weights(staged.v[i], window.top, scale);
-      const float by_depth = staged.by_depth[k][i] * units, by_u = staged.by_u[k][i] * units,
-                  by_v = staged.by_v[k][i] * units;
+    for (int k = 0; k < kNumChanges; ++k) {
+      const float units = ldexpf(1, exponents[k]);
+      const float by_depth = change.by_depth[k] * units, by_u = change.by_u[k] * units,
+                  by_v = change.by_v[k] * units;
 #pragma unroll
       for (int q = 0; q < 3; ++q) {
         const float plain = by_depth * v.value[q] + by_v * v.slope[q], sloped = by_u * v.value[q];
-        NoiseNode* const node = &shared.nodes[(v.first + q) * wide + u.first];
+        NoiseSum* const nodes = &grid.at(k, (v.first + q) * grid.wide() + u.first);
 #pragma unroll
         for (int p = 0; p < 3; ++p) {
-          atomicAdd(&node[p].whole[k], __float2int_rn(plain * u.value[p] + sloped * u.slope[p]));
+          atomicAdd(&nodes[p].whole, __float2int_rn(plain * u.value[p] + sloped * u.slope[p]));
         }
       }
     }
-    __syncwarp();
   });
 }
 
 // Adds the squares of a grid's nodes, and products of neighboring axes, in the order of
-// add_variances.
-__device__ inline void add_squares(const NoiseNode* nodes, int num, double* to) {
+// add_variances. Each warp has its own `to`.
+__device__ inline void add_squares(const SharedGrid& grid, double* to) {
   constexpr int kNextAxis[kNumChanges] = {0, 2, 3, 1, 5, 6, 4};
   float sums[kNumVariances] = {};
-  for (int i = static_cast<int>(threadIdx.x); i < num; i += static_cast<int>(blockDim.x)) {
-    const NoiseNode node = nodes[i];
+  for (int i = static_cast<int>(threadIdx.x); i < grid.num(); i += static_cast<int>(blockDim.x)) {
+    float node[kNumChanges];
+#pragma unroll
+    for (int k = 0; k < kNumChanges; ++k) node[k] = grid.at(k, i).number;
 #pragma unroll
     for (int k = 0; k < kNumChanges; ++k) {
-      sums[k] += node.number[k] * node.number[k];
-      if (k > 0) sums[kFirstProduct + k - 1] += node.number[k] * node.number[kNextAxis[k]];
+      sums[k] += node[k] * node[k];
+      if (k > 0) sums[kFirstProduct + k - 1] += node[k] * node[kNextAxis[k]];
     }
   }
   double values[kNumReachSums] = {};
@@ -244,6 +227,25 @@ __device__ inline void add_squares(const NoiseNode* nodes, int num, double* to) 
   fold_over_warp<kNumReachSums / 2, 2>(values);
   values[0] += __shfl_xor_sync(gpu::kWholeWarp, values[0], 1);
   if (gpu::lane_id() % 2 == 0) to[gpu::lane_id() / 2] = values[0];
+}
+
+// Makes the grid of the next wider level.
+__device__ inline void widen(const SharedGrid& finer, const SharedGrid& to) {
+  const CellWindow& window = to.window;
+  for (int i = static_cast<int>(threadIdx.x); i < to.num(); i += static_cast<int>(blockDim.x)) {
+    float node[kNumChanges] = {};
+    for_finer_nodes(finer.window, window.left + i % to.wide(), window.top + i / to.wide(),
+                    [&](float weight, int u, int v) {
+                      const int from =
+                          (v - finer.window.top) * finer.wide() + u - finer.window.left;
+#pragma unroll
+                      for (int k = 0; k < kNumChanges; ++k) {
+                        node[k] += weight * finer.at(k, from).number;
+                      }
+                    });
+#pragma unroll
+    for (int k = 0; k < kNumChanges; ++k) to.at(k, i).number = node[k];
+  }
 }
 
 /// Adds the noise that a camera causes by the elements that it decides. `field`: of the camera,
@@ -258,62 +260,44 @@ __device__ void add_noise(const KeptRows& kept, int camera, const FieldLook& fie
   for (int i = 0; i < 9; ++i) view.R_WC[i / 3][i % 3] = R_WC[i / 3][i % 3];
   if (!sum_reach(kept, camera, view, shared)) return;
   if (thread == 0) choose_grid(field.grid, noise.frame, shared);
-  for (int i = thread; i < kMaxNodes * kNoiseNumbers; i += num_threads) {
-    shared.nodes[i / kNoiseNumbers].whole[i % kNoiseNumbers] = 0;
-  }
   __syncthreads();
-  if (thread < kNoiseNumbers) {
+  SharedGrid grid{shared.window, shared.nodes, kMostNodes};
+  if (thread < kNumChanges) {
     // The largest weights of a node are 3/4 each way, and the largest slopes 1 a cell.
-    const float per_cell = 1 / static_cast<float>(1 << shared.window.level);
+    const double per_cell = 1 / static_cast<double>(1 << grid.window.level);
     const double* const bounds = shared.sums[0];
+    double bound = 0.5625 * bounds[kFirstBound + thread];
+    if (thread > 0) bound += 0.75 * per_cell * bounds[kFirstSlope + thread - 1];
     int exponent = 0;
-    if (thread < kNumChanges) {
-      double bound = 0.5625 * bounds[kFirstBound + thread];
-      if (thread > 0)
-        bound += 0.75 * static_cast<double>(per_cell) * bounds[kFirstSlope + thread - 1];
-      (void)frexpf(static_cast<float>(bound), &exponent);
-    }
+    (void)frexpf(static_cast<float>(bound), &exponent);
     constexpr int kBits = 30, kMost = 96;
     exponent = kBits - exponent;
     shared.exponents[thread] = exponent < kMost ? exponent : kMost;
   }
+  const auto for_sums = [&](const auto& f) {
+    for (int k = 0; k < kNumChanges; ++k) {
+      for (int i = thread; i < grid.num(); i += num_threads) f(k, grid.at(k, i));
+    }
+  };
+  for_sums([](int, NoiseSum& sum) { sum.whole = 0; });
   look_at_bends(field.grid, field.pixels, shared);
   __syncthreads();
-  add_to_nodes(kept, camera, view, shared);
+  add_to_nodes(kept, camera, view, shared.exponents, grid);
   __syncthreads();
-  CellWindow window = shared.window;
-  const auto size_of = [](const CellWindow& of) {
-    return (of.right - of.left + 1) * (of.bottom - of.top + 1);
-  };
-  for (int i = thread; i < size_of(window) * kNoiseNumbers; i += num_threads) {
-    NoiseNode& node = shared.nodes[i / kNoiseNumbers];
-    const int k = i % kNoiseNumbers;
-    node.number[k] = static_cast<float>(node.whole[k]) * ldexpf(1, -shared.exponents[k]);
-  }
+  for_sums([&](int k, NoiseSum& sum) {
+    sum.number = static_cast<float>(sum.whole) * ldexpf(1, -shared.exponents[k]);
+  });
   __syncthreads();
-  const int num_grids = num_noise_grids(window.level);
-  NoiseNode *nodes = shared.nodes, *next = shared.wide;
+  const int first = grid.window.level, num_grids = num_noise_grids(first);
+  SharedGrid next{{}, shared.wide, kMostWideNodes};
   for (int i = 0; i < num_grids; ++i) {
-    add_squares(nodes, size_of(window), shared.of_grids[i][gpu::warp_id()]);
+    add_squares(grid, shared.of_grids[i][gpu::warp_id()]);
     if (i == num_grids - 1) break;
-    const CellWindow wider = wider_nodes(window);
-    const int wide = wider.right - wider.left + 1, finer_wide = window.right - window.left + 1;
-    for (int to = thread; to < size_of(wider); to += num_threads) {
-      NoiseNode sum{};
-      for_finer_nodes(
-          window, wider.left + to % wide, wider.top + to / wide, [&](float weight, int u, int v) {
-            const NoiseNode& node = nodes[(v - window.top) * finer_wide + u - window.left];
-#pragma unroll
-            for (int k = 0; k < kNoiseNumbers; ++k) {
-              sum.number[k] += weight * node.number[k];
-            }
-          });
-      next[to] = sum;
-    }
-    NoiseNode* const last = nodes;
-    nodes = next;
-    next = last;
-    window = wider;
+    next.window = wider_nodes(grid.window);
+    widen(grid, next);
+    const SharedGrid finer = grid;
+    grid = next;
+    next = finer;
     __syncthreads();
   }
   if (thread == 0) {
@@ -334,7 +318,7 @@ __device__ void add_noise(const KeptRows& kept, int camera, const FieldLook& fie
       for (int warp = 0; warp < gpu::warps_per_block(); ++warp) {
         of_grid += shared.of_grids[i][warp][thread];
       }
-      sum += static_cast<double>(node_variance(shared.scales, shared.window.level + i)) * of_grid;
+      sum += static_cast<double>(node_variance(shared.scales, first + i)) * of_grid;
     }
     shared.variances[thread] += static_cast<double>(noise.share * noise.share) * sum;
   }
