@@ -12,6 +12,7 @@ struct BatchNoiseJob {
   BatchJob batch;
   int num_poses = 0;
   const SurfaceNoise* table = nullptr;  // of each surface; null: the first, and others like it
+  const FrameNoise* learned = nullptr;  // likewise, by the surfaces themselves
   SurfaceNoise first;
   KeptRows kept;  // of the first block
 };
@@ -29,7 +30,7 @@ struct BatchNoiseScratch {
 };
 
 template <bool kHasWholes>
-__global__ void __launch_bounds__(kNoiseThreads, 4)
+__global__ void __launch_bounds__(kNoiseThreads, kBlocksOf<Gradient>)
     measure_deviations(const __grid_constant__ BatchNoiseJob job) {
   auto& shared = gpu::shared_memory<BatchNoiseScratch>();
   const BatchJob& batch = job.batch;
@@ -45,6 +46,7 @@ __global__ void __launch_bounds__(kNoiseThreads, 4)
       const int surface =
           surface_of(batch.surface_of_pose, batch.num_surfaces, batch.first_pose + pose);
       shared.of_surface = job.table != nullptr ? job.table[surface] : job.first;
+      if (job.learned != nullptr) shared.of_surface = {job.learned[surface], 1, 1};
     }
     NoiseKeeper noise(kept, gpu::warp_id());
     if (shared.status == 0 &&

@@ -204,6 +204,7 @@ Status FieldBatchCuda::look_at_noise(const SurfaceBatch& surfaces, gpu::Stream& 
     if (!status) return status;
   }
   job.kept = noise_rows_.rows();
+  job.learned = surfaces.noises();
   if (surfaces.size() > 0) job.first = noise_of(surfaces[0].field);
   if (surfaces.is_even() || surfaces.size() <= 1) return Done{};
   Table& table = *table_;
