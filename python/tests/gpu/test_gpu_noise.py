@@ -10,7 +10,7 @@ NAMES = ("volume_std", "force_std", "torque_std")
 
 
 def is_near(got, want):
-    """Whether nearly all deviations are equal to 1e-4 of themselves, those of a vector to 1e-4 of its length."""
+    """Is true if nearly all deviations are equal to 1e-4 of themselves, those of a vector to 1e-4 of its length."""
     sizes = np.abs(want) if want.ndim == 1 else np.linalg.norm(want, axis=1)[:, None]
     return (np.abs(got - want) <= 1e-4 * sizes).mean() > 0.99
 

@@ -38,7 +38,7 @@ class SceneBatchCuda final : public SceneBatch {
       made.push_back({make_field_tool(*index, volumes, memory_).elements,
                       index->tool().sphere_mass().center_of_mass,
                       full_volume(index->tool(), volumes)});
-      most_clusters_ = std::max(most_clusters_, made.back().elements.num_clusters);
+      max_clusters_ = std::max(max_clusters_, made.back().elements.num_clusters);
     }
     on_gpu_ = memory_.copy_of(made);
     allow_shared_bytes<kFewCameras>();
@@ -93,7 +93,7 @@ class SceneBatchCuda final : public SceneBatch {
       if (stream.is_recording()) return late_in_graph("standard deviations of a contact");
       const int resident =
           std::min(resident_for_noise<kFewCameras>(), resident_for_noise<kMaxCameras>());
-      if (const Status s = noise_rows_.take(gpu_, most_clusters_, 1, resident); !s) return s;
+      if (const Status s = noise_rows_.take(gpu_, max_clusters_, 1, resident); !s) return s;
     }
     if (cameras_.num() <= kFewCameras) {
       launch_all<kFewCameras>(poses, answers, unseen, stream);
@@ -287,7 +287,7 @@ class SceneBatchCuda final : public SceneBatch {
   int gpu_;
   std::size_t at_once_;  // poses in a launch
   std::vector<std::shared_ptr<const ToolIndex>> tools_;
-  int most_clusters_ = 0;
+  int max_clusters_ = 0;
   gpu::Memory memory_;
   gpu::Stream own_stream_, caller_stream_;
   const SceneTool* on_gpu_ = nullptr;

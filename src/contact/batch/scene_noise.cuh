@@ -34,8 +34,8 @@ __global__ void __launch_bounds__(kHullThreads, 2)
   const KeptRows kept = job.kept.of_block(static_cast<int>(blockIdx.x));
   for (int pose = static_cast<int>(blockIdx.x); pose < job.num_poses;
        pose += static_cast<int>(gridDim.x)) {
-    place_pose(job.scene, pose, shared.scene);
     if (thread < kNumVariances) shared.noise.variances[thread] = 0;
+    place_pose(job.scene, pose, shared.scene);
     const bool is_measured = shared.scene.status == 0;
     if (is_measured && job.is_known) {
       NoiseKeeper noise(kept, 0);

@@ -269,11 +269,6 @@ ContactResult FieldContactCuda::measure_hull(std::span<const SurfaceBlend> camer
   return result;
 }
 
-MeasureNoiseCuda& FieldContactCuda::noise() const {
-  if (noise_ == nullptr) noise_ = std::make_unique<MeasureNoiseCuda>(field_tool_, memory_.gpu());
-  return *noise_;
-}
-
 std::optional<MeasureNoise> FieldContactCuda::noise_against(const FieldQuestion& question,
                                                             int field) const noexcept {
   const DepthFieldView& of = question.fields[field];
@@ -335,9 +330,7 @@ ContactResult FieldContactCuda::measure_one(const SurfaceView& from, const Surfa
                              : evaluate<1, Gradient>(question, answers_);
   }
   describe(question.fields[alpha < 1 ? 1 : 0], question.X_WT, wants);
-  if (wants.noise && result.penetration.status.is_unmeasured()) {
-    result.noise.emplace();
-  } else if (wants.noise) {
+  if (wants.noise) {
     result.noise = alpha < 1 ? blend(noise_against(question, 0), noise_against(question, 1), alpha)
                              : noise_against(question, 0);
     if (!status()) return unmeasured(StepStatus::backend_failed, wants, true);

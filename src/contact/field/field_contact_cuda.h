@@ -54,7 +54,10 @@ class FieldContactCuda final : public ContactQuery {
   std::optional<MeasureNoise> noise_against(const FieldQuestion& question,
                                             int field) const noexcept;
   /// Returns what measures the noise; the first call allocates.
-  MeasureNoiseCuda& noise() const;
+  MeasureNoiseCuda& noise() const {
+    if (noise_ == nullptr) noise_ = std::make_unique<MeasureNoiseCuda>(field_tool_, memory_.gpu());
+    return *noise_;
+  }
 
   Vec3d center_of_mass_;
   int num_spheres_;

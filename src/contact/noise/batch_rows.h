@@ -18,9 +18,9 @@ class BatchRows {
   Status take(int gpu, int num_clusters, int num_parts, int resident_blocks) {
     const auto capacity = static_cast<std::size_t>(rows_of_part(num_clusters, num_parts));
     const std::size_t of_block = capacity * static_cast<std::size_t>(num_parts);
-    const std::size_t most = std::min(kMostBytes, gpu::free_memory(gpu) / 8);
+    const std::size_t most = std::min(kMaxBytes, gpu::free_memory(gpu) / 8);
     const std::size_t fitting = most / (of_block * kNumNoiseRows * sizeof(float));
-    num_blocks_ = std::clamp(static_cast<int>(std::min(fitting, kManyBlocks)), 1,
+    num_blocks_ = std::clamp(static_cast<int>(std::min(fitting, kMaxBlocks)), 1,
                              std::max(1, resident_blocks));
     const auto num = static_cast<std::size_t>(num_blocks_);
     gpu::Memory& memory = memory_.emplace(gpu);
@@ -40,7 +40,7 @@ class BatchRows {
   const KeptRows& rows() const { return rows_; }
 
  private:
-  static constexpr std::size_t kMostBytes = std::size_t{1} << 29, kManyBlocks = 1 << 20;
+  static constexpr std::size_t kMaxBytes = std::size_t{1} << 29, kMaxBlocks = 1 << 20;
 
   std::optional<gpu::Memory> memory_;
   KeptRows rows_;

@@ -109,6 +109,7 @@ KeptRows MeasureNoiseCuda::kept_by(int num_parts) const {
 std::optional<MeasureNoise> MeasureNoiseCuda::of_field(const DepthFieldView& field,
                                                        const FieldFrame& frame,
                                                        gpu::Stream& stream) noexcept {
+  if (!status()) return std::nullopt;
   NoiseEyes eyes;
   eyes.num = 1;
   eyes.eyes[0].field = look_of(field, frame, 1);
@@ -133,6 +134,7 @@ void MeasureNoiseCuda::keep(const HullCameras& cameras, gpu::Stream& stream) con
 
 std::optional<MeasureNoise> MeasureNoiseCuda::of_cameras(const HullCameras& cameras,
                                                          gpu::Stream& stream) noexcept {
+  if (!status()) return std::nullopt;
   NoiseEyes eyes;
   for (int k = 0; k < cameras.num(); ++k) {
     NoiseEyes::Eye& eye = eyes.eyes[eyes.num++];

@@ -28,8 +28,8 @@ union NoiseSum {
   float number;
 };
 /// Nodes of a grid, and of one that was made from a finer grid.
-constexpr int kMostNodes = kNoiseNodes * kNoiseNodes;
-constexpr int kMostWideNodes = (kNoiseNodes / 2 + 2) * (kNoiseNodes / 2 + 2);
+constexpr int kMaxNodes = kNoiseNodes * kNoiseNodes;
+constexpr int kMaxWideNodes = (kNoiseNodes / 2 + 2) * (kNoiseNodes / 2 + 2);
 
 /// A grid in shared memory: number by number, so that neighbors lie in different banks.
 struct SharedGrid {
@@ -47,14 +47,14 @@ template <int kWarps>
 struct NoiseScratch {
   double variances[kNumVariances];
 
-  NoiseSum nodes[kNumChanges * kMostNodes], wide[kNumChanges * kMostWideNodes];
+  NoiseSum nodes[kNumChanges * kMaxNodes], wide[kNumChanges * kMaxWideNodes];
   double sums[kWarps][kNumReachSums];
   float edges[kWarps][4];  // least u, v, and those of -u, -v
   double of_grids[kNumNoiseLevels][kWarps][kNumReachSums];
   NoiseReach reach;
   CellWindow window;
   NoiseScales scales;
-  int exponents[kNumChanges];
+  float units[kNumChanges];  // of the nodes, powers of two: so many make 1
   // Windows in which the field is looked at, the noise of their cells, and what is left of it.
   int num_looks;
   CellWindow looks[kLastSmoothed + 1];
@@ -178,7 +178,7 @@ __device__ void look_at_bends(const FieldGrid& grid, const FieldPixels& pixels,
 
 // Adds the elements of a camera to the nodes, in their units.
 __device__ inline void add_to_nodes(const KeptRows& kept, int camera, const NoiseCamera& view,
-                                    const int (&exponents)[kNumChanges], const SharedGrid& grid) {
+                                    const float (&units)[kNumChanges], const SharedGrid& grid) {
   const CellWindow& window = grid.window;
   const float scale = 1 / static_cast<float>(1 << window.level);
   for_rows(kept, [&](std::ptrdiff_t first, int num) {
@@ -190,9 +190,8 @@ __device__ inline void add_to_nodes(const KeptRows& kept, int camera, const Nois
     const NodeWeights v = node_weights(kept.rows.at(NoiseRow::v, row), window.top, scale);
 #pragma unroll
     for (int k = 0; k < kNumChanges; ++k) {
-      const float units = ldexpf(1, exponents[k]);
-      const float by_depth = change.by_depth[k] * units, by_u = change.by_u[k] * units,
-                  by_v = change.by_v[k] * units;
+      const float by_depth = change.by_depth[k] * units[k], by_u = change.by_u[k] * units[k],
+                  by_v = change.by_v[k] * units[k];
 #pragma unroll
       for (int q = 0; q < 3; ++q) {
         const float plain = by_depth * v.value[q] + by_v * v.slope[q], sloped = by_u * v.value[q];
@@ -261,7 +260,7 @@ __device__ void add_noise(const KeptRows& kept, int camera, const FieldLook& fie
   if (!sum_reach(kept, camera, view, shared)) return;
   if (thread == 0) choose_grid(field.grid, noise.frame, shared);
   __syncthreads();
-  SharedGrid grid{shared.window, shared.nodes, kMostNodes};
+  SharedGrid grid{shared.window, shared.nodes, kMaxNodes};
   if (thread < kNumChanges) {
     // The largest weights of a node are 3/4 each way, and the largest slopes 1 a cell.
     const double per_cell = 1 / static_cast<double>(1 << grid.window.level);
@@ -270,9 +269,9 @@ __device__ void add_noise(const KeptRows& kept, int camera, const FieldLook& fie
     if (thread > 0) bound += 0.75 * per_cell * bounds[kFirstSlope + thread - 1];
     int exponent = 0;
     (void)frexpf(static_cast<float>(bound), &exponent);
-    constexpr int kBits = 30, kMost = 96;
+    constexpr int kBits = 30, kMaxExponent = 96;
     exponent = kBits - exponent;
-    shared.exponents[thread] = exponent < kMost ? exponent : kMost;
+    shared.units[thread] = ldexpf(1, exponent < kMaxExponent ? exponent : kMaxExponent);
   }
   const auto for_sums = [&](const auto& f) {
     for (int k = 0; k < kNumChanges; ++k) {
@@ -282,14 +281,14 @@ __device__ void add_noise(const KeptRows& kept, int camera, const FieldLook& fie
   for_sums([](int, NoiseSum& sum) { sum.whole = 0; });
   look_at_bends(field.grid, field.pixels, shared);
   __syncthreads();
-  add_to_nodes(kept, camera, view, shared.exponents, grid);
+  add_to_nodes(kept, camera, view, shared.units, grid);
   __syncthreads();
   for_sums([&](int k, NoiseSum& sum) {
-    sum.number = static_cast<float>(sum.whole) * ldexpf(1, -shared.exponents[k]);
+    sum.number = static_cast<float>(sum.whole) * (1 / shared.units[k]);
   });
   __syncthreads();
   const int first = grid.window.level, num_grids = num_noise_grids(first);
-  SharedGrid next{{}, shared.wide, kMostWideNodes};
+  SharedGrid next{{}, shared.wide, kMaxWideNodes};
   for (int i = 0; i < num_grids; ++i) {
     add_squares(grid, shared.of_grids[i][gpu::warp_id()]);
     if (i == num_grids - 1) break;

@@ -46,7 +46,7 @@ struct AdaptiveJob {
   unsigned long long* num_done = nullptr;  ///< blocks of each image that have counted
   ScaleNoise* noise = nullptr;             ///< kNumScales of each image
   unsigned* free = nullptr;                ///< free pixels, as FilterJob::far
-  /// What is learned of each image, or null; of one by itself in page-locked memory.
+  /// Noise that is learned of each image, or null; of one by itself in page-locked memory.
   FrameNoise* frame_noise = nullptr;
 
   PALPATE_HOSTDEV int num_tiles() const {
