@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "palpate/contact/body_contact.h"
+#include "src/cloud/internal/frame_noise.h"
 #include "src/contact/backends.h"
 #include "src/core/internal/stamp.h"
 #include "src/field/internal/pinhole_cloud.h"
@@ -28,6 +29,8 @@ constexpr double kReach = 2 * kHalfSide;  // lever arms, and the scale of potent
 constexpr double kMeasure = 1e-5;
 /// The stiffness of the CPU is computed in single precision.
 constexpr double kStiffness = 1e-4;
+/// Deviations by the noise of the depth, which a GPU adds up in integers.
+constexpr double kDeviations = 1e-4;
 /// Sums in double precision.
 constexpr double kExact = 1e-10;
 
@@ -210,6 +213,23 @@ void compare_stiffness(double allowed) {
                });
 }
 
+void compare_deviations(double allowed) {
+  Pair pair;
+  const FrameNoise noise = frame_noise({.at_zero = 0.001});
+  pair.surface.field.noise = &noise;
+  for (const Pose& X_WT : poses(3)) {
+    const auto said_by = [&](ContactQueries& queries) {
+      const ContactQuery& query = queries.by({.method = MethodKind::field});
+      return query.measure(pair.surface, X_WT, {.noise = true}).noise.value();
+    };
+    const MeasureNoise got = said_by(pair.cuda), want = said_by(pair.cpu);
+    EXPECT_GT(want.volume, 0);
+    EXPECT_NEAR(got.volume_std(), want.volume_std(), allowed * want.volume_std());
+    EXPECT_LE(norm(got.force_std() - want.force_std()), allowed * norm(want.force_std()));
+    EXPECT_LE(norm(got.torque_std() - want.torque_std()), allowed * norm(want.torque_std()));
+  }
+}
+
 void compare_faults(double allowed) {
   Pair pair;
   const Pose nowhere{{NAN, 0, 0}, {}};
@@ -233,6 +253,7 @@ FeatureGroup results() {
   return {"Results beside the wrench",
           {
               {"stiffness of `field`", kStiffness, compare_stiffness},
+              {"standard deviations of `field`", kDeviations, compare_deviations},
               {"states of spheres", 0, compare_states},
               {"planes of spheres", kMeasure, compare_planes},
               {"status: bad poses, ambiguous normals", kMeasure, compare_faults},
