@@ -9,11 +9,9 @@
 
 #include "src/contact/batch/field_batch.h"
 #include "src/contact/batch/field_batch_cuda.h"
-#include "src/field/timeline/batch_frames.h"
 #include "tests/contact/batch/batch_cases.h"
 #include "tests/contact/noise/compared_noise.h"
 #include "tests/contact/scene/answered_scene.h"
-#include "tests/field/rough_images.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/gpu.h"
 
@@ -181,45 +179,6 @@ TEST(BatchNoiseCuda, NoiseChangesWithTheFrame) {
     test::expect_near(after.of(i), on_host.of(i));
     EXPECT_TRUE(std::isnan(after.of(i + 1)[0]) && std::isnan(on_host.of(i + 1)[6]));
   }
-}
-
-// Images of a batch that are smoothed adaptively each have a noise of their own.
-TEST(BatchNoiseCuda, ImagesOfABatchTellTheirNoise) {
-  PALPATE_GPU_OR_SKIP();
-  const test::RoughImages images(96, 64, 3, 1);
-  SlotSettings settings;
-  settings.stream.width = images.camera.width;
-  settings.stream.height = images.camera.height;
-  settings.stream.intrinsics = images.camera.intrinsics;
-  settings.field = DepthFieldOptions{};
-  settings.time.mode = TimeMode::latest;
-  ThreadPool pool(1);
-  const auto there = make_batch_frames_cuda(settings, 0).value();
-  const SurfaceBatch surfaces = there->update(images.image(0), 3, {}, pool).value();
-  Sensor sensor = Sensor::create(images.camera, Place::cpu(), {.num_threads = 1}).value();
-  const Tool tool = test::random_tool(60, 0.05, 3);
-  Random random(2);
-  PoseArgument poses;
-  for (int i = 0; i < 24; ++i) {
-    const SurfaceView seen = sensor.update(images.image(i % 3));
-    Vec3d p;
-    while (!(p.z > 0)) {
-      const auto at = static_cast<std::size_t>(random.uniform(0, 1) * 96 * 64);
-      if (seen.cloud.z[at] > 0) p = {seen.cloud.x[at], seen.cloud.y[at], seen.cloud.z[at]};
-    }
-    poses.X_WT.push_back({p, random.rotation(3)});
-    poses.surface.push_back(i % 3);
-  }
-  const SurfaceBatch on_host = sensor.update_batch(images.image(0), 3);
-  const Deviations want = answered(on_cpu(tool), on_host, poses.batch());
-  const Deviations got = answered(on_gpu(tool), surfaces, poses.batch());
-  int num_touching = 0;
-  for (std::size_t i = 0; i < 24; ++i) {
-    SCOPED_TRACE(i);
-    test::expect_near(got.of(i), want.of(i));
-    num_touching += want.of(i)[0] > 0;
-  }
-  EXPECT_GT(num_touching, 12);
 }
 
 TEST(BatchNoiseCuda, CanBeRecordedOnceItsMemoryIsThere) {
