@@ -95,19 +95,29 @@ const char* name_of_where(Where where) {
   return where == Where::view ? "anywhere in view" : "at the surface";
 }
 
+/// Answers beside the measure.
+enum class Beside { nothing, stiffness, deviations };
+
 void measure_poses(int num_spheres, const SurfaceBatch& surfaces, const char* against, Where where,
-                   bool with_stiffness) {
+                   Beside beside) {
   const Tool& tool = finger_tool(num_spheres);
   Arrays arrays(where);
   const std::size_t num = arrays.X_WT.size();
-  if (with_stiffness) arrays.answers.stiffness = arrays.memory.take<double>(36 * num);
+  if (beside == Beside::stiffness) {
+    arrays.answers.stiffness = arrays.memory.take<double>(36 * num);
+  } else if (beside == Beside::deviations) {
+    arrays.answers.volume_std = arrays.memory.take<double>(num);
+    arrays.answers.force_std = arrays.memory.take<double>(3 * num);
+    arrays.answers.torque_std = arrays.memory.take<double>(3 * num);
+  }
   if (!arrays.memory.status()) stop(arrays.memory.status().error());
   gpu::Stream stream(options.gpu, gpu::Priority::low);
   for (const int warps : options.warps) {
     const FieldBatchCuda batches(ToolIndex::create(tool), FieldMethod{}, options.gpu, warps);
     std::string name = "batch: " + std::to_string(num) + " poses " + name_of_where(where) + " x " +
                        std::to_string(num_spheres) + " spheres; " + against;
-    if (with_stiffness) name += "; stiffness";
+    if (beside == Beside::stiffness) name += "; stiffness";
+    if (beside == Beside::deviations) name += "; std";
     if (warps > 0) name += "; warps:" + std::to_string(warps);
     measure(name, static_cast<double>(num) * num_spheres, stream, [&] {
       const Status status =
@@ -263,10 +273,13 @@ void run() {
   measure_frames(small, "");
 
   for (const Where where : {Where::surface, Where::view}) {
-    measure_poses(100, fields, "each its own 64x64 field", where, false);
+    for (const Beside beside : {Beside::nothing, Beside::deviations}) {
+      measure_poses(100, fields, "each its own 64x64 field", where, beside);
+    }
     for (const int num_spheres : {100, 1000, 5000}) {
-      measure_poses(num_spheres, surface, "one 640x480 field", where, false);
-      measure_poses(num_spheres, surface, "one 640x480 field", where, true);
+      for (const Beside beside : {Beside::nothing, Beside::stiffness, Beside::deviations}) {
+        measure_poses(num_spheres, surface, "one 640x480 field", where, beside);
+      }
       for (const double cell : {0.005, 0.02}) measure_grid(num_spheres, cell, where);
     }
   }

@@ -1,7 +1,7 @@
 """Cost of a batch on a GPU from Python: an asynchronous call, a synchronous one, and a replayed graph.
 
 16,384 poses of a finger of 100 spheres, each against its own 64 x 64 image, all arrays PyTorch's on the GPU; medians.
-Then palpate.torch, 1,000 spheres at the surface of one 640 x 480 image: gradient and Hessian over the plain batches.
+Then palpate.torch, 1,000 spheres at the surface of one 640 x 480 image: gradient, Hessian and the clearance's gradient over the plain batches.
 Usage: gpu_python_overhead.py   (the module palpate with CUDA, PyTorch)"""
 
 import time
@@ -53,7 +53,7 @@ def captured(call):
 
 def gradients(tool):
     """palpate.torch beside the batches that it asks: medians by turns in one process, us."""
-    from palpate.torch import penetration
+    from palpate.torch import clearance, penetration
 
     depth, camera, _ = palpate.render_scene("wall")
     surface = palpate.Sensor(camera, place="cuda").update(depth)
@@ -70,6 +70,8 @@ def gradients(tool):
 
     made = {"volume": empty(), "potential": empty(), "force": empty(3), "torque": empty(3)}
     plain, stiff = palpate.Batch(**made), palpate.Batch(**made, stiffness=empty(6, 6))
+    nearest = torch.empty(NUM, dtype=torch.int32, device="cuda")
+    far = palpate.Batch(clearance=empty(), clearance_gradient=empty(6), nearest=nearest)
 
     def batch():
         contact.measure_batch(surface, fixed, out=plain, stream=torch.cuda.current_stream())
@@ -87,13 +89,21 @@ def gradients(tool):
         (first,) = torch.autograd.grad(potential.sum(), poses, create_graph=True)
         return torch.autograd.grad(first.sum(), poses)
 
+    def clearances():
+        contact.measure_batch(surface, fixed, clearance=True, out=far, stream=torch.cuda.current_stream())
+
+    def clearance_gradient():
+        poses = fixed.detach().requires_grad_()
+        return torch.autograd.grad(clearance(contact, surface, poses).sum(), poses)
+
     batch()
     torch.cuda.synchronize()
     print(f"at the surface, {len(tool.spheres)} spheres, {(made['volume'] > 0).float().mean():.0%} touch")
     for way in (lambda call: call, captured):
         named = "replayed" if way is captured else "asked"
-        times = {call.__name__: device_us(way(call)) for call in (batch, gradient, batch_with_stiffness, hessian)}
-        for over, under in (("gradient", "batch"), ("hessian", "batch_with_stiffness")):
+        calls = (batch, gradient, batch_with_stiffness, hessian, clearances, clearance_gradient)
+        times = {call.__name__: device_us(way(call)) for call in calls}
+        for over, under in (("gradient", "batch"), ("hessian", "batch_with_stiffness"), ("clearance_gradient", "clearances")):
             print(f"{over} {named}: {times[over]:.1f} us, over {under} {times[under]:.1f} us: {times[over] / times[under]:.3f}")
 
 

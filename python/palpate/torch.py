@@ -5,12 +5,14 @@ exact derivatives of the field measure. With surfaces or scenes on a GPU they ar
 in PyTorch's current stream: nothing leaves the GPU, and a CUDA graph can capture all of it after one call with
 the same tool and scene, and its gradient, outside of the capture. It is valid until the tool is asked about another scene: contacts
 of one tool and place are shared, so give a palpate.Contact of its own for each graph.
+
+Derivatives by motions of the tool become those by the numbers of its poses in one launch, first and second ones alike.
 """
 
 from __future__ import annotations
 
 import weakref
-from typing import Any, Dict, NamedTuple, Optional, Tuple, Union
+from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple, Union
 
 import numpy as np
 
@@ -30,7 +32,6 @@ _contacts: "weakref.WeakKeyDictionary[_core.Tool, Dict[str, _core.Contact]]" = w
 _differentiated: "weakref.WeakKeyDictionary[ToolOrContact, _core.Differentiated]" = weakref.WeakKeyDictionary()
 _centers: "weakref.WeakKeyDictionary[ToolOrContact, Dict[torch.device, torch.Tensor]]" = weakref.WeakKeyDictionary()
 _spheres: "weakref.WeakKeyDictionary[_core.Contact, Dict[torch.device, torch.Tensor]]" = weakref.WeakKeyDictionary()
-_identities: Dict[torch.device, torch.Tensor] = {}
 
 
 class Penetration(NamedTuple):
@@ -43,21 +44,34 @@ class Penetration(NamedTuple):
 
 
 class _Question(NamedTuple):
-    """One tool or contact, what it is measured against, and the surface of each pose."""
+    """One tool or contact, what it is measured against and where, and the surface of each pose."""
 
     tool: ToolOrContact
     scene: Any
+    device: torch.device
     surface_of_pose: Optional[torch.Tensor] = None
 
 
 class _Found(NamedTuple):
-    """Results in double where they were measured, (P,) (P,) (P, 6) (P, 6) (P, 6, 6)."""
+    """Results in double where they were measured, (P,) (P,) (P, 6) (P, 3) (P, 3) (P, 6, 6)."""
 
     volume: torch.Tensor
     potential: torch.Tensor
     volume_gradient: Optional[torch.Tensor]
-    wrench_W: torch.Tensor
+    force_W: torch.Tensor
+    torque_W: torch.Tensor
     stiffness: Optional[torch.Tensor]
+
+
+class _Slope(NamedTuple):
+    """A derivative by motions of the tool: factor times that by a shift of p_TC, and by a turn about it; (P, 3) each."""
+
+    factor: float
+    by_shift: torch.Tensor
+    by_turn: torch.Tensor
+    p_TC: torch.Tensor
+    #: What _core.pull_back needs for second derivatives, at poses; None: they are not known.
+    second: Optional[Callable[[torch.Tensor], Dict[str, torch.Tensor]]] = None
 
 
 def _only_tool(tool: ToolOrContact) -> _core.Tool:
@@ -84,183 +98,170 @@ def _contact_of(tool: ToolOrContact, place: str) -> _core.Contact:
     return by_place[place]
 
 
+def _stream_of(device: torch.device) -> Any:
+    return torch.cuda.current_stream(device) if device.type == "cuda" else None
+
+
 def _measure(asked: _Question, poses: torch.Tensor, with_stiffness: bool) -> _Found:
-    tool, scene, surface_of_pose = asked
-    if isinstance(scene, _core.Scene) and scene.unseen == "solid" and not scene.bodies and len(scene.cameras) == 1:
-        scene = scene.cameras[0]
-    place = _place_of(tool, scene, poses)
-    if place != "cpu":
-        return _measure_on_gpu(place, _Question(tool, scene, surface_of_pose), poses, with_stiffness)
-    numbers = np.ascontiguousarray(poses.detach().to("cpu", torch.float64).numpy())
-    if not isinstance(scene, _core.Surface):
-        which = None if surface_of_pose is None else surface_of_pose.cpu().numpy()
-        batch = _contact_of(tool, place).measure_batch(scene, numbers, surface_of_pose=which, stiffness=True)
-        both = np.concatenate([batch.force, batch.torque], 1)
-        volume, potential, wrench_W, stiffness = (
-            torch.from_numpy(np.array(each)) for each in (batch.volume, batch.potential, both, batch.stiffness)
+    contact_scene = asked.scene
+    if isinstance(contact_scene, _core.Scene) and contact_scene.unseen == "solid":
+        if not contact_scene.bodies and len(contact_scene.cameras) == 1:
+            contact_scene = contact_scene.cameras[0]
+    if asked.device.type != "cpu":
+        return _measure_on_gpu(asked, contact_scene, poses, with_stiffness)
+    numbers = np.ascontiguousarray(poses.detach().to(torch.float64).numpy())
+    if not isinstance(contact_scene, _core.Surface):
+        which = None if asked.surface_of_pose is None else asked.surface_of_pose.cpu().numpy()
+        batch = _contact_of(asked.tool, "cpu").measure_batch(
+            contact_scene, numbers, surface_of_pose=which, stiffness=True
         )
-        return _Found(volume, potential, None, wrench_W, stiffness)
-    by_definition = _differentiated.get(tool)
+        volume, potential, force, torque, stiffness = (
+            torch.from_numpy(np.array(each))
+            for each in (batch.volume, batch.potential, batch.force, batch.torque, batch.stiffness)
+        )
+        return _Found(volume, potential, None, force, torque, stiffness)
+    by_definition = _differentiated.get(asked.tool)
     if by_definition is None:
-        by_definition = _differentiated[tool] = _core.Differentiated(_only_tool(tool))
-    return _Found(*(torch.from_numpy(array) for array in by_definition(scene, numbers)))
+        by_definition = _differentiated[asked.tool] = _core.Differentiated(_only_tool(asked.tool))
+    found = by_definition(contact_scene, numbers)
+    volume, potential, by_motion, both, stiffness = (torch.from_numpy(array) for array in found)
+    return _Found(volume, potential, by_motion, both[:, :3], both[:, 3:], stiffness)
 
 
-def _measure_on_gpu(place: str, asked: _Question, poses: torch.Tensor, with_stiffness: bool) -> _Found:
-    device = torch.device(place)
-    there = _numbers(poses, device)
-    there = torch.cat([there[:, :3], there[:, 3:] / there[:, 3:].norm(dim=1, keepdim=True)], 1)
-
-    def empty(*shape: int) -> torch.Tensor:
-        return torch.empty(len(there), *shape, dtype=torch.float64, device=device)
-
-    found = {"volume": empty(), "potential": empty(), "force": empty(3), "torque": empty(3)}
+def _measure_on_gpu(asked: _Question, scene: Any, poses: torch.Tensor, with_stiffness: bool) -> _Found:
+    there, which = _plain(poses), asked.surface_of_pose
+    found = {name: there.new_empty(len(there)) for name in ("volume", "potential")}
+    found.update({name: there.new_empty(len(there), 3) for name in ("force", "torque")})
     if with_stiffness:
-        found["stiffness"] = empty(6, 6)
-    which = asked.surface_of_pose
-    _contact_of(asked.tool, place).measure_batch(
-        asked.scene,
+        found["stiffness"] = there.new_empty(len(there), 6, 6)
+    _contact_of(asked.tool, str(asked.device)).measure_batch(
+        scene,
         there,
-        surface_of_pose=None if which is None else which.to(device, torch.int32),
+        surface_of_pose=None if which is None else which.to(asked.device, torch.int32),
         stiffness=with_stiffness,
         out=_core.Batch(**found),
-        stream=torch.cuda.current_stream(device),
+        stream=_stream_of(asked.device),
     )
-    wrench_W = torch.cat([found["force"], found["torque"]], 1)
-    return _Found(found["volume"], found["potential"], None, wrench_W, found.get("stiffness"))
+    return _Found(
+        found["volume"], found["potential"], None, found["force"], found["torque"], found.get("stiffness")
+    )
 
 
-def _numbers(poses: torch.Tensor, device: torch.device) -> torch.Tensor:
-    """The poses as Contact.measure_batch takes them on a device."""
-    there = poses.detach().to(device, torch.float64)
-    return (there if there.ndim == 2 or device.type == "cpu" else _sevens(there)).contiguous()
+def _plain(poses: torch.Tensor) -> torch.Tensor:
+    """The poses as Contact.measure_batch takes them on their GPU, (P, 7) in double; not finite where there is none."""
+    there = poses.new_empty(len(poses), 7, dtype=torch.float64)
+    _core.plain_poses(poses.detach().contiguous(), there, stream=_stream_of(poses.device))
+    return there
 
 
-def _sevens(X: torch.Tensor) -> torch.Tensor:
-    """Matrices (P, 4, 4) as (P, 7) tx ty tz qx qy qz qw, with quaternions of any length."""
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (row.unbind(1) for row in X[:, :3, :3].unbind(1))
-    # 4 q q^T for a unit quaternion q: each of its rows is a multiple of q, the longest one the best
-    rows = [
-        [1 + xx - yy - zz, yx + xy, xz + zx, zy - yz],
-        [yx + xy, 1 - xx + yy - zz, zy + yz, xz - zx],
-        [xz + zx, zy + yz, 1 - xx - yy + zz, yx - xy],
-        [zy - yz, xz - zx, yx - xy, 1 + xx + yy + zz],
-    ]
-    products = torch.stack([torch.stack(row, 1) for row in rows], 1)
-    # The products have trace 4, and a square 4 times themselves, where the matrix is a rotation; else there is no pose.
-    is_rotation = ((products @ products - 4 * products).abs().amax((1, 2)) < 1e-5) & (
-        (products.diagonal(dim1=1, dim2=2).sum(1) - 4).abs() < 1e-5)
-    products = torch.where(is_rotation[:, None, None], products, torch.nan)
-    longest = products.diagonal(dim1=1, dim2=2).argmax(1)[:, None, None].expand(-1, 1, 4)
-    return torch.cat([X[:, :3, 3], products.gather(1, longest)[:, 0]], 1)
-
-
-def _center_of(tool: ToolOrContact, device: torch.device) -> torch.Tensor:
+def _center_of(tool: ToolOrContact, poses: torch.Tensor) -> torch.Tensor:
+    """The center of mass (P, 3) of the only tool, a row for all."""
     by_device = _centers.setdefault(tool, {})
-    if device not in by_device:
+    if poses.device not in by_device:
         center = np.array(_only_tool(tool).center_of_mass, np.float64)
-        by_device[device] = torch.from_numpy(center).to(device)
-    return by_device[device]
+        by_device[poses.device] = torch.from_numpy(center).to(poses.device)
+    return by_device[poses.device].expand(len(poses), 3)
 
 
-def _by_pose(by_motion: torch.Tensor, asked: _Question, poses: torch.Tensor) -> torch.Tensor:
-    """Gradient by the numbers of the poses, in their shape and type.
-
-    by_motion: (P, 6) by the shift of the tool's center of mass and by the rotation about it, both in W.
-    """
-    inside = poses.to(by_motion)
-    p_TC = _center_of(asked.tool, by_motion.device)
-    by_shift, by_turn = torch.split(by_motion, 3, 1)  # in derivatives one launch, unlike slices
-    if poses.ndim == 2:
-        # Every operation is a launch on a GPU, and more in derivatives. Poses that are no poses have no force;
-        # there the identity stands for them.
-        _, q = torch.split(inside, [3, 4], 1)
-        length2 = q.detach().square().sum(1, keepdim=True)
-        q = torch.where((length2 > 0) & (length2 < torch.inf), q, _identity(q.device))
-        # turn = 2 vec(dq q*) / |q|^2, for any length of q
-        per_length = 2 / q.square().sum(1, keepdim=True)
-        axis, w = torch.split(q, [3, 1], 1)
-        by_turn = (by_turn + torch.linalg.cross(_rotated(axis, w, p_TC, per_length), by_shift)) * per_length
-        by_axis = torch.addcmul(torch.linalg.cross(by_turn, axis), w, by_turn)
-        return torch.cat([by_shift, by_axis, -(by_turn * axis).sum(1, keepdim=True)], 1).to(poses)
-    R = inside[:, :3, :3]
-    by_turn = by_turn + torch.linalg.cross(R @ p_TC, by_shift)
-    # turn = vec of the antisymmetric part of dR R^T, for changes that leave R a rotation
-    by_R = torch.linalg.cross(by_turn[:, :, None].expand_as(R), R, dim=1) / 2
-    top = torch.cat([by_R, by_shift[:, :, None]], 2)
-    return torch.nn.functional.pad(top, (0, 0, 0, 1)).to(poses)
+def _pulled_back(
+    slope: _Slope, poses: torch.Tensor, scale: Optional[torch.Tensor], **second: torch.Tensor
+) -> torch.Tensor:
+    """Derivatives by the numbers of the poses, in their shape and type; see _core.pull_back."""
+    poses = poses.detach().contiguous()
+    out = torch.empty_like(poses)
+    _core.pull_back(
+        poses,
+        slope.p_TC,
+        slope.by_shift,
+        slope.by_turn,
+        out,
+        factor=slope.factor,
+        scale=None if scale is None else scale.detach(),
+        stream=_stream_of(poses.device),
+        **second,
+    )
+    return out
 
 
-def _identity(device: torch.device) -> torch.Tensor:
-    if device not in _identities:
-        _identities[device] = torch.tensor([0, 0, 0, 1], dtype=torch.float64, device=device)
-    return _identities[device]
+class _Value(torch.autograd.Function):
+    """A value (P,) with this slope, in the type of the poses."""
+
+    @staticmethod
+    def forward(ctx: Any, poses: torch.Tensor, value: torch.Tensor, slope: _Slope) -> torch.Tensor:
+        ctx.slope = slope
+        ctx.save_for_backward(poses)
+        return value.to(poses.dtype).detach()  # another tensor over the same numbers
+
+    @staticmethod
+    def backward(ctx: Any, by_value: torch.Tensor) -> Tuple[Any, ...]:
+        return _Gradient.apply(*ctx.saved_tensors, by_value, ctx.slope), None, None  # type: ignore[no-untyped-call]
 
 
-def _rotated(axis: torch.Tensor, w: torch.Tensor, v: torch.Tensor, per_length: torch.Tensor) -> torch.Tensor:
-    """v (P, 3) or (3,), rotated by quaternions q = (axis, w) of any length; per_length: 2 / |q|^2."""
-    fixed = v.expand(len(axis), 3)
-    once = torch.linalg.cross(axis, fixed)
-    return torch.addcmul(fixed, per_length, torch.addcmul(torch.linalg.cross(axis, once), w, once))
+class _Gradient(torch.autograd.Function):
+    """The gradient of a value by the poses, times by_value."""
+
+    @staticmethod
+    def forward(ctx: Any, poses: torch.Tensor, by_value: torch.Tensor, slope: _Slope) -> torch.Tensor:
+        ctx.slope = slope
+        ctx.save_for_backward(poses, by_value)
+        return _pulled_back(slope, poses, by_value)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
+    def backward(ctx: Any, by_gradient: torch.Tensor) -> Tuple[Any, ...]:
+        poses, by_value = ctx.saved_tensors
+        if ctx.slope.second is None:
+            raise RuntimeError("the volume has no second derivative; take that of the potential")
+        second = ctx.slope.second(poses)
+        if ctx.needs_input_grad[1]:
+            second["by_scale"] = torch.empty_like(by_value, memory_format=torch.contiguous_format)
+        by_poses = _pulled_back(ctx.slope, poses, by_value, along=by_gradient.detach().contiguous(), **second)
+        return by_poses, second.get("by_scale"), None
 
 
 class _Wrench(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, poses: torch.Tensor, asked: _Question, found: _Found) -> torch.Tensor:
-        ctx.asked, ctx.stiffness = asked, found.stiffness
+        ctx.asked, ctx.found = asked, found
         ctx.save_for_backward(poses)
-        return found.wrench_W.detach()  # another tensor over the same numbers
+        return torch.cat([found.force_W, found.torque_W], 1).to(poses.dtype)
 
     @staticmethod
     @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
     def backward(ctx: Any, by_wrench: torch.Tensor) -> Tuple[Any, ...]:
         (poses,) = ctx.saved_tensors
-        stiffness = ctx.stiffness
-        if stiffness is None:
-            stiffness = _measure(ctx.asked, poses, True).stiffness
-        by_motion = -(by_wrench[:, :, None] * stiffness).sum(1)
-        return _by_pose(by_motion, ctx.asked, poses), None, None
+        stiffness = _stiffness_of(ctx.asked, ctx.found, poses)
+        by_motion = (by_wrench.detach().to(stiffness)[:, :, None] * stiffness).sum(1)
+        shift, turn = by_motion[:, :3], by_motion[:, 3:]
+        slope = _Slope(-1, shift, turn, _center_of(ctx.asked.tool, poses))
+        return _pulled_back(slope, poses, None), None, None
 
 
-class _Penetration(torch.autograd.Function):
-    @staticmethod
-    def forward(
-        ctx: Any, poses: torch.Tensor, asked: _Question, second: bool
-    ) -> Tuple[torch.Tensor, torch.Tensor]:
-        found = _measure(asked, poses, second)
-        ctx.asked, ctx.found = asked, found
-        ctx.save_for_backward(poses)
-        volume = found.volume.to(poses)
-        if found.volume_gradient is None:
-            ctx.mark_non_differentiable(volume)
-        return volume, found.potential.to(poses)
-
-    @staticmethod
-    def backward(ctx: Any, by_volume: torch.Tensor, by_potential: torch.Tensor) -> Tuple[Any, ...]:
-        (poses,) = ctx.saved_tensors
-        # The wrench is differentiable, and so is this gradient.
-        wrench_W = _Wrench.apply(poses, ctx.asked, ctx.found)  # type: ignore[no-untyped-call]
-        by_motion = -by_potential.to(wrench_W)[:, None] * wrench_W
-        if ctx.found.volume_gradient is not None:
-            by_motion = by_motion + by_volume.to(wrench_W)[:, None] * ctx.found.volume_gradient
-        return _by_pose(by_motion, ctx.asked, poses), None, None
+def _stiffness_of(asked: _Question, found: _Found, poses: torch.Tensor) -> torch.Tensor:
+    """The stiffness that was found, or else is measured now."""
+    stiffness = found.stiffness if found.stiffness is not None else _measure(asked, poses, True).stiffness
+    assert stiffness is not None
+    return stiffness
 
 
 def _checked(poses: torch.Tensor) -> torch.Tensor:
-    if not poses.is_floating_point():
-        raise ValueError(f"poses: numbers of type {poses.dtype} have no gradient; give float64")
+    if poses.dtype not in (torch.float64, torch.float32):
+        raise ValueError(f"poses: numbers of type {poses.dtype} are not taken; give float64, or float32")
     shape = tuple(poses.shape)
     if len(shape) not in (2, 3) or shape[1:] not in ((7,), (4, 4)):
         raise ValueError(f"poses: shape {shape} is not (P, 4, 4) or (P, 7)")
     return poses
 
 
-def _asked(tool: ToolOrContact, scene: Any, surface_of_pose: Optional[torch.Tensor]) -> _Question:
+def _asked(
+    tool: ToolOrContact, scene: Any, poses: torch.Tensor, surface_of_pose: Optional[torch.Tensor]
+) -> _Question:
+    _checked(poses)
     if isinstance(tool, _core.Contact) and len(tool.tools) > 1:
         raise ValueError("tool: penetration takes one tool at a time, not a contact with several")
     if surface_of_pose is not None and isinstance(scene, (_core.Surface, _core.Scene, _core.Body)):
         raise ValueError("surface_of_pose: there is one scene; give palpate.Surfaces or a list for several")
-    return _Question(tool, scene, surface_of_pose)
+    return _Question(tool, scene, torch.device(_place_of(tool, scene, poses)), surface_of_pose)
 
 
 def penetration(
@@ -274,19 +275,30 @@ def penetration(
     """Volume (P,) m3 and potential (P,) m4 of the tool at poses X_WT, differentiable by the poses.
 
     scene: a Surface, Body or Scene, or Surfaces, of which surface_of_pose (P,) int32 are the indices.
-    poses: (P, 7) tx ty tz qx qy qz qw, with quaternions of any length, or (P, 4, 4); results are on their
-    device. The gradient of the potential is exactly minus the wrench, and its second derivative the
-    stiffness. With one camera in host memory, the gradient of the volume is exact, too, but has no second
-    derivative; on a GPU, with several cameras or bodies the volume has no gradient. For (P, 4, 4) it is the
-    gradient along rotations.
+    poses: (P, 7) tx ty tz qx qy qz qw, with quaternions of any length, or (P, 4, 4), float64 or float32;
+    results are on their device. The gradient of the potential is exactly minus the wrench, and its second
+    derivative the stiffness. With one camera in host memory, the gradient of the volume is exact, too, but
+    has no second derivative; on a GPU, with several cameras or bodies the volume has no gradient. For
+    (P, 4, 4) it is the gradient along rotations.
 
-    Surfaces and scenes on a GPU: one launch in PyTorch's current stream. A scene of bodies alone is asked where
-    a contact is that is given as the tool, else where the poses are. second: measure the stiffness in the same
-    launch; without it a second derivative is a launch more. Poses that are not finite, or have a quaternion of
-    zeros, give zero.
+    Surfaces and scenes on a GPU: one launch in PyTorch's current stream, and one for each derivative. A scene
+    of bodies alone is asked where a contact is that is given as the tool, else where the poses are. second:
+    measure the stiffness in the same launch; without it a second derivative measures once more. Poses that are
+    not finite, or have a quaternion of zeros, give zero.
     """
-    volume, potential = _Penetration.apply(_checked(poses), _asked(tool, scene, surface_of_pose), second)  # type: ignore[no-untyped-call]
-    return Penetration(volume, potential)
+    asked = _asked(tool, scene, poses, surface_of_pose)
+    there = poses.to(asked.device)
+    found = _measure(asked, there, second)
+    p_TC = _center_of(tool, there)
+    slope = _Slope(
+        -1, found.force_W, found.torque_W, p_TC, lambda at: {"stiffness": _stiffness_of(asked, found, at)}
+    )
+    potential = _Value.apply(there, found.potential, slope)  # type: ignore[no-untyped-call]
+    volume, by_motion = found.volume.to(poses.dtype), found.volume_gradient
+    if by_motion is not None:
+        slope = _Slope(1, by_motion[:, :3], by_motion[:, 3:], p_TC)
+        volume = _Value.apply(there, volume, slope)  # type: ignore[no-untyped-call]
+    return Penetration(volume.to(poses.device), potential.to(poses.device))
 
 
 def clearance(
@@ -305,32 +317,35 @@ def clearance(
     nothing leaves it; tool_of_pose is in host memory.
     Beyond `limit` (m) the clearance is constant.
     """
-    place = _place_of(tool, scene, poses)
-    contact, device = _contact_of(tool, place), torch.device(place)
-    there = _numbers(_checked(poses), device)
-    value, gradient = (there.new_empty(len(there), *shape) for shape in ((), (6,)))
-    nearest = torch.empty(len(there), dtype=torch.int32, device=device)
+    place = _place_of(tool, scene, _checked(poses))
+    contact, there = _contact_of(tool, place), poses.to(torch.device(place))
+    numbers = _plain(there) if place != "cpu" else there.detach().to(torch.float64).contiguous()
+    value, gradient = (numbers.new_empty(len(there), *shape) for shape in ((), (6,)))
+    nearest = torch.empty(len(there), dtype=torch.int32, device=there.device)
     contact.measure_batch(
         scene,
-        there,
+        numbers,
         clearance=True,
         limit=limit,
         tool_of_pose=tool_of_pose,
         out=_core.Batch(clearance=value, clearance_gradient=gradient, nearest=nearest),
-        stream=None if place == "cpu" else torch.cuda.current_stream(device),
+        stream=_stream_of(there.device),
     )
-    number = nearest.clamp(min=0).long()
-    if tool_of_pose is not None:
-        first = np.cumsum([0] + [len(each.spheres) for each in contact.tools])
-        number = number + torch.from_numpy(first[np.asarray(tool_of_pose)]).to(device)
-    c_T = _centers_of_spheres(contact, device)[number].to(poses)
-    normal = gradient[:, :3].to(poses)
-    if poses.ndim == 2:
-        q = poses[:, 3:]
-        c_W = poses[:, :3] + _rotated(q[:, :3], q[:, 3:], c_T, 2 / q.square().sum(1, keepdim=True))
+    if tool_of_pose is None:
+        p_TC = _center_of(contact, there)
     else:
-        c_W = poses[:, :3, 3] + (poses[:, :3, :3] @ c_T[:, :, None])[:, :, 0]
-    return value.to(poses) + (normal * (c_W - c_W.detach())).sum(1)
+        centers = np.array([each.center_of_mass for each in contact.tools], np.float64)
+        p_TC = torch.from_numpy(centers[np.asarray(tool_of_pose)]).to(there.device)
+
+    def sphere_before_a_plane(_: torch.Tensor) -> Dict[str, torch.Tensor]:
+        number = nearest.clamp(min=0).long()
+        if tool_of_pose is not None:
+            first = np.cumsum([0] + [len(each.spheres) for each in contact.tools])
+            number = number + torch.from_numpy(first[np.asarray(tool_of_pose)]).to(there.device)
+        return {"p_CQ": _centers_of_spheres(contact, there.device)[number] - p_TC}
+
+    slope = _Slope(1, gradient[:, :3], gradient[:, 3:], p_TC, sphere_before_a_plane)
+    return _Value.apply(there, value, slope).to(poses.device)  # type: ignore[no-untyped-call,no-any-return]
 
 
 def _centers_of_spheres(contact: _core.Contact, device: torch.device) -> torch.Tensor:
@@ -351,6 +366,7 @@ def wrench(
     than 1.05 are not shortened, unlike in Contact.measure: there the wrench is the derivative of the
     potential everywhere.
     """
-    asked = _asked(tool, scene, surface_of_pose)
-    found = _measure(asked, _checked(poses), poses.requires_grad)
-    return _Wrench.apply(poses, asked, found).to(poses)  # type: ignore[no-untyped-call,no-any-return]
+    asked = _asked(tool, scene, poses, surface_of_pose)
+    there = poses.to(asked.device)
+    found = _measure(asked, there, poses.requires_grad)
+    return _Wrench.apply(there, asked, found).to(poses.device)  # type: ignore[no-untyped-call,no-any-return]

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "palpate/settings/setting_table.h"
+#include "src/math/internal/pose_of_matrix.h"
 
 #ifdef PALPATE_CUDA
 #include "src/gpu/internal/runtime.h"
@@ -10,26 +11,6 @@
 
 namespace palpate::python {
 namespace {
-
-/// Computes the largest of the four numbers first, which is at least a half.
-Quaternion quaternion_of(const double* m, std::size_t stride) {
-  const auto at = [&](std::size_t row, std::size_t column) { return m[row * stride + column]; };
-  const double trace = at(0, 0) + at(1, 1) + at(2, 2);
-  Quaternion q;
-  if (trace > 0) {
-    q = {at(2, 1) - at(1, 2), at(0, 2) - at(2, 0), at(1, 0) - at(0, 1), 1 + trace};
-  } else if (at(0, 0) >= at(1, 1) && at(0, 0) >= at(2, 2)) {
-    q = {1 + at(0, 0) - at(1, 1) - at(2, 2), at(0, 1) + at(1, 0), at(0, 2) + at(2, 0),
-         at(2, 1) - at(1, 2)};
-  } else if (at(1, 1) >= at(2, 2)) {
-    q = {at(0, 1) + at(1, 0), 1 - at(0, 0) + at(1, 1) - at(2, 2), at(1, 2) + at(2, 1),
-         at(0, 2) - at(2, 0)};
-  } else {
-    q = {at(0, 2) + at(2, 0), at(1, 2) + at(2, 1), 1 - at(0, 0) - at(1, 1) + at(2, 2),
-         at(1, 0) - at(0, 1)};
-  }
-  return normalized(q);
-}
 
 bool all_finite(const double* values, std::size_t num) {
   for (std::size_t i = 0; i < num; ++i) {
@@ -42,27 +23,13 @@ bool all_finite(const double* values, std::size_t num) {
   throw nb::value_error((std::string(name) + ": " + why).c_str());
 }
 
-Pose pose_of_matrix(const double* m, const char* name) {
-  Pose X{{m[3], m[7], m[11]}, {}};
-  if (!all_finite(m, 16)) {
-    X.rotation.x = NAN;
-    return X;
-  }
-  constexpr double kTolerance = 1e-3;
-  double farthest = std::abs(m[12]) + std::abs(m[13]) + std::abs(m[14]) + std::abs(m[15] - 1);
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) {
-      const double product = m[i] * m[j] + m[4 + i] * m[4 + j] + m[8 + i] * m[8 + j];
-      farthest = std::max(farthest, std::abs(product - (i == j ? 1 : 0)));
-    }
-  }
-  const Vec3d x{m[0], m[4], m[8]}, y{m[1], m[5], m[9]}, z{m[2], m[6], m[10]};
-  if (farthest > kTolerance || dot(cross(x, y), z) < 0) {
+Pose checked_pose(const double* matrix, const char* name) {
+  const Pose X = pose_of_matrix(matrix);
+  if (!is_finite(X) && all_finite(matrix, 16)) {
     refuse_pose(name,
                 "the (4, 4) matrix is no rigid motion: its 3 x 3 part has to be a rotation and its "
                 "last row 0 0 0 1");
   }
-  X.rotation = quaternion_of(m, 4);
   return X;
 }
 
@@ -195,7 +162,7 @@ Pose given_pose(nb::handle given, const char* name) {
   const Doubles numbers = doubles_of(given, name);
   if (numbers.ndim() == 1 && numbers.shape(0) == 7) return pose_of_seven(numbers.data(), name);
   if (numbers.ndim() == 2 && numbers.shape(0) == 4 && numbers.shape(1) == 4) {
-    return pose_of_matrix(numbers.data(), name);
+    return checked_pose(numbers.data(), name);
   }
   refuse_shape(name, shape_of(numbers), "(4, 4) or (7,)");
 }
@@ -217,7 +184,7 @@ std::span<const Pose> poses_in(const Doubles& numbers, const char* name,
   }
   converted.reserve(num);
   for (std::size_t i = 0; i < num; ++i) {
-    converted.push_back(pose_of_matrix(numbers.data() + 16 * i, name));
+    converted.push_back(checked_pose(numbers.data() + 16 * i, name));
   }
   return converted;
 }

@@ -20,6 +20,7 @@ void bind_surface(nanobind::module_& m);
 void bind_batch(nanobind::module_& m);
 void bind_contact(nanobind::module_& m);
 void bind_penetration(nanobind::module_& m);
+void bind_pose_gradients(nanobind::module_& m);
 void bind_runs(nanobind::module_& m);
 void bind_pushed_camera(nanobind::module_& m);
 void bind_camera_frames(nanobind::module_& m);

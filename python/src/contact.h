@@ -140,18 +140,11 @@ nb::object measure_many(PyContact& self, nb::handle surfaces, nb::handle poses,
                         nb::handle stream, bool clearance, bool per_sphere, double limit,
                         double smoothing, nb::handle tool_of_pose, nb::handle group_of_pose);
 
-/// Checks that a contact knows what noise does to it. Error: its method does not, or not of many
-/// poses where it is.
-inline void check_std(const PyContact& contact, bool of_many) {
-  if (contact.method() != "field") {
-    throw PalpateError("std: the method \"" + contact.method() +
-                       "\" does not say what noise does to it; create the contact with \"field\"");
-  }
-  if (of_many && contact.place().backend != Backend::cpu) {
-    throw PalpateError(
-        "std: standard deviations of many poses, and in scenes, are computed on a CPU; create "
-        "contact and sensor with place=\"cpu\", or measure pose by pose");
-  }
+/// Checks that a contact knows what noise does to it. Error: its method does not.
+inline void check_std(const PyContact& contact) {
+  if (contact.method() == "field") return;
+  throw PalpateError("std: the method \"" + contact.method() +
+                     "\" does not say what noise does to it; create the contact with \"field\"");
 }
 
 }  // namespace palpate::python

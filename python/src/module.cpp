@@ -45,6 +45,7 @@ NB_MODULE(_core, m) {
   bind_batch(m);
   bind_contact(m);
   bind_penetration(m);
+  bind_pose_gradients(m);
   bind_runs(m);
   bind_camera_frames(m);
   bind_recordings(m);

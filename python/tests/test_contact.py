@@ -71,6 +71,9 @@ def test_standard_deviations_by_the_noise(cube, camera):
     assert batch.force_std == pytest.approx(np.array([result.force_std for result in single]), rel=1e-6)
     assert batch.torque_std.shape == (3, 3)
     assert contact.measure_batch(surface, poses).volume_std is None
+    own = np.full(3, np.nan)
+    contact.measure_batch(surface, poses, std=True, out=palpate.Batch(volume_std=own))
+    assert np.array_equal(own, batch.volume_std)
     with pytest.raises(palpate.Error, match='the method "graph" does not say'):
         palpate.Contact(cube, "graph").measure(surface, poses[1], std=True)
 

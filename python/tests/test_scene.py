@@ -64,6 +64,9 @@ def test_clearance_to_a_wall_is_exact(tool, surface):
     for margin in (0.0, 0.02):
         hits = contact.any(surface, poses, margin)
         assert hits.dtype == bool
+        for mine in (np.ones(200, bool), np.full(200, 7, np.uint8)):
+            assert contact.any(surface, poses, margin, out=mine) is mine
+            np.testing.assert_array_equal(mine, hits)
         np.testing.assert_array_equal(hits, batch.clearance < margin)
 
 
@@ -167,5 +170,11 @@ def test_bad_input_is_refused_in_a_sentence(tool, surface):
         contact.any([3], pose)
     with pytest.raises(ValueError, match="one for each pose"):
         contact.any(surface, pose, tool_of_pose=[0, 1])
+    one = palpate.Contact(tool)
+    for out, why in ((np.zeros(2, bool), r"out: shape \(2,\) is not \(1,\)"), (np.zeros(1), "out: has to be uint8")):
+        with pytest.raises(ValueError, match=why):
+            one.any(surface, pose, out=out)
+    with pytest.raises(TypeError, match="out: not an array that can be written"):
+        one.any(surface, pose, out=[False])
     broken = palpate.Contact(tool).measure_batch(surface, [[np.nan] * 7], clearance=True)
     assert broken.status[0] & palpate.Status.NON_FINITE_POSE

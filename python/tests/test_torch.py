@@ -4,13 +4,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import pose_matrix
+from conftest import CUBE_TRIANGLES, CUBE_VERTICES, pose_matrix
 
 import palpate
 
 torch = pytest.importorskip("torch", reason="PyTorch is not installed")
 
-from palpate.torch import _place_of, _sevens, clearance, penetration, wrench  # noqa: E402
+from palpate import _core  # noqa: E402
+from palpate.torch import _place_of, clearance, penetration, wrench  # noqa: E402
 
 STANDS = [0.3, -0.2, 0.5, 0.1, 0.7, -0.3, 0.6]
 
@@ -24,6 +25,12 @@ def felt(request):
     pixels = [(60, 70), (50, 90), (70, 80)]
     poses = [[*surface.points[v, u], *random.normal(size=4) * 1.3] for v, u in pixels]
     return surface, torch.tensor(np.array(poses, np.float64), requires_grad=True)
+
+
+@pytest.fixture(scope="module")
+def apart():
+    """A cube whose center of mass is not the origin of T."""
+    return palpate.pack(CUBE_VERTICES + [0.02, 0.01, -0.03], CUBE_TRIANGLES, 60)
 
 
 def scaled(tool, surface):
@@ -105,10 +112,14 @@ def test_single_precision_and_bad_poses(cube, felt):
     assert volume.dtype == torch.float32
     volume.sum().backward()
     assert single.grad.dtype == torch.float32 and torch.isfinite(single.grad).all()
+    (first,) = torch.autograd.grad(penetration(cube, surface, single).potential.sum(), single, create_graph=True)
+    (second,) = torch.autograd.grad(first.sum(), single)
+    assert second.dtype == torch.float32 and torch.isfinite(second).all() and second.any()
     with pytest.raises(ValueError, match=r"poses: shape \(3, 6\)"):
         penetration(cube, surface, poses[:, :6])
-    with pytest.raises(ValueError, match="float64"):
-        wrench(cube, surface, torch.zeros(2, 7, dtype=torch.int64))
+    for other in (torch.int64, torch.float16):
+        with pytest.raises(ValueError, match="numbers of type .* are not taken; give float64"):
+            wrench(cube, surface, torch.zeros(2, 7, dtype=other))
     with pytest.raises(ValueError, match="not finite"):
         penetration(cube, surface, torch.full((1, 7), float("nan"), dtype=torch.float64))
 
@@ -131,7 +142,7 @@ def test_tensors_are_images_and_poses(cube, felt):
     assert torch.from_dlpack(by_numpy.points).shape == (120, 160, 3)
 
 
-def test_gradcheck_of_the_clearance(cube):
+def test_gradcheck_of_the_clearance(cube, apart):
     depth, camera, _ = palpate.render_scene("pillar", 0.0, width=160, height=120)
     surface = palpate.Sensor(camera).update(depth)
     pose = [*(surface.points[60, 40] - [0, 0, 0.06]), 0.1, 0.9, -0.2, 0.4]
@@ -140,6 +151,7 @@ def test_gradcheck_of_the_clearance(cube):
     assert 0 < value.item() < 0.1
     assert torch.autograd.gradcheck(lambda p: clearance(cube, surface, p), (poses,), eps=1e-7, atol=1e-5)
     assert torch.autograd.gradgradcheck(lambda p: clearance(cube, surface, p), (poses,), eps=1e-6, atol=1e-4)
+    assert torch.autograd.gradgradcheck(lambda p: clearance(apart, surface, p), (poses,), eps=1e-6, atol=1e-4)
     X = torch.tensor(np.array([pose_matrix(pose)]), requires_grad=True)
     assert clearance(cube, surface, X).item() == pytest.approx(value.item(), rel=1e-9)
     (gradient,) = torch.autograd.grad(clearance(cube, surface, X), X)
@@ -164,17 +176,68 @@ def test_scenes_with_bodies_have_exact_gradients(cube):
     assert alone.volume.requires_grad
 
 
-def test_matrices_for_a_gpu_are_the_same_poses():
+def test_matrices_are_made_poses():
     """Turns of all kinds: small ones, half turns about each axis, and any."""
     random = np.random.default_rng(8)
     quaternions = [*np.eye(4), *(np.eye(4) + 1e-9), *random.normal(size=(50, 4))]
     X = torch.tensor(np.array([pose_matrix([*random.normal(size=3), *q]) for q in quaternions]))
-    numbers = _sevens(X)
-    assert numbers.shape == (len(X), 7) and numbers[:, 3:].norm(dim=1).min() > 1
-    for seven, matrix in zip(numbers.numpy(), X.numpy()):
+
+    def plain(poses):
+        numbers = torch.empty(len(poses), 7, dtype=torch.float64)
+        _core.plain_poses(poses, numbers)
+        return numbers
+
+    for seven, matrix in zip(plain(X).numpy(), X.numpy()):
         assert pose_matrix(seven) == pytest.approx(matrix, abs=1e-14)
+    assert torch.equal(plain(plain(X)), plain(X)) and torch.allclose(plain(X.float()), plain(X), atol=1e-6)
     others = torch.stack([torch.zeros(4, 4), 2 * torch.eye(4), torch.ones(4, 4)]).double()
-    assert _sevens(others)[:, 3:].isnan().all(), "what is no rotation is no pose"
+    assert plain(others)[:, 3].isnan().all(), "what is no rotation is no pose"
+
+
+def matrices_of(sevens):
+    """(P, 4, 4) of (P, 7), differentiable."""
+    x, y, z, w = (sevens[:, 3:] / sevens[:, 3:].norm(dim=1, keepdim=True)).unbind(1)
+    rows = [[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]]
+    R = torch.stack([torch.stack(row, 1) for row in rows], 1)
+    top = torch.cat([R, sevens[:, :3, None]], 2)
+    return torch.cat([top, torch.tensor([0, 0, 0, 1.0]).to(top).expand(len(top), 1, 4)], 1)
+
+
+def test_both_kinds_of_poses_have_the_same_derivatives(cube, felt):
+    surface, poses = felt
+    random = np.random.default_rng(3)
+    direction = torch.tensor(random.normal(size=poses.shape))
+    weight = torch.tensor(random.uniform(0.5, 1.5, len(poses)))
+
+    def derivatives(function):
+        value = function(poses) * weight
+        (first,) = torch.autograd.grad(value.sum(), poses, create_graph=True)
+        (second,) = torch.autograd.grad((first * direction).sum(), poses)
+        return value.detach(), first.detach(), second
+
+    for question in (lambda p: penetration(cube, surface, p).potential, lambda p: clearance(cube, surface, p, limit=0.5)):
+        here, there = derivatives(question), derivatives(lambda p: question(matrices_of(p)))
+        for one, other in zip(here, there):
+            assert one.abs().max() > 0 and torch.allclose(one, other, rtol=1e-9, atol=1e-9 * float(one.abs().max()))
+
+
+def test_gradgradcheck_of_the_potential(apart, felt):
+    surface, poses = felt
+    scale = torch.tensor([1.3, 0.7, 0.9], dtype=torch.float64, requires_grad=True)
+
+    def numbers(given, by):
+        return by * penetration(apart, surface, given).potential / (apart.volume * 0.01)
+
+    assert torch.autograd.gradgradcheck(numbers, (poses, scale), eps=1e-8, atol=1e-2, rtol=1e-2)
+
+
+def test_a_volume_has_no_second_derivative(cube, felt):
+    surface, poses = felt
+    (gradient,) = torch.autograd.grad(penetration(cube, surface, poses).volume.sum(), poses, create_graph=True)
+    with pytest.raises(RuntimeError, match="the volume has no second derivative; take that of the potential"):
+        gradient.sum().backward()
 
 
 def test_bodies_alone_are_asked_where_the_contact_is_or_the_poses(cube):

@@ -14,9 +14,11 @@ std::unique_ptr<ContactQuery> make_point_contact(std::shared_ptr<const ToolIndex
                                                  const ContactMethod& method,
                                                  const ExecutionOptions& execution);
 
-/// Makes the query on a GPU. Errors: no such GPU, or not enough memory on it.
+/// Makes the query on a GPU; `reserves_noise`: see ExecutionOptions. Errors: no such GPU, or not
+/// enough memory on it.
 Result<std::unique_ptr<ContactQuery>> make_contact_query_cuda(
-    std::shared_ptr<const ToolIndex> index, const ContactMethod& method, int gpu);
+    std::shared_ptr<const ToolIndex> index, const ContactMethod& method, int gpu,
+    bool reserves_noise = false);
 
 /// Pairs of bodies by spheres. Errors as above.
 Result<std::unique_ptr<BodyPairQuery>> make_body_contact_cuda(std::shared_ptr<const ToolIndex> a,

@@ -2,10 +2,21 @@
 #pragma once
 
 #include <algorithm>
+#include <optional>
 
 #include "palpate/contact/contact.h"
 
 namespace palpate { inline namespace v0 {
+
+/// Returns the noise of (1 - alpha) `from` + alpha `to`.
+inline std::optional<MeasureNoise> blend(const std::optional<MeasureNoise>& from,
+                                         const std::optional<MeasureNoise>& to, double alpha) {
+  if (!from || !to) return to;
+  MeasureNoise both;
+  both.add(*from, 1 - alpha);
+  both.add(*to, alpha);
+  return both;
+}
 
 /// Returns (1 - alpha) `from` + alpha `to`; counts are those of `to`.
 inline ContactResult blend(const ContactResult& from, const ContactResult& to, double alpha) {
@@ -17,12 +28,7 @@ inline ContactResult blend(const ContactResult& from, const ContactResult& to, d
   both.penetration.measure_W.force = s * a.measure_W.force + t * b.measure_W.force;
   both.penetration.measure_W.torque = s * a.measure_W.torque + t * b.measure_W.torque;
   both.penetration.status |= a.status;
-  if (both.noise && from.noise) {
-    MeasureNoise noise;
-    noise.add(*from.noise, s);
-    noise.add(*both.noise, t);
-    both.noise = noise;
-  }
+  both.noise = blend(from.noise, to.noise, alpha);
   if (!both.stiffness || !from.stiffness) return both;
   for (int row = 0; row < 6; ++row) {
     for (int column = 0; column < 6; ++column) {

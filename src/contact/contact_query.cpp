@@ -96,7 +96,7 @@ Result<std::unique_ptr<ContactQuery>> make_contact_query(const Place& place,
     case Backend::cuda: break;
   }
 #if defined(PALPATE_CUDA)
-  return make_contact_query_cuda(std::move(index), method, place.gpu);
+  return make_contact_query_cuda(std::move(index), method, place.gpu, execution.reserves_noise);
 #else
   return find_gpus().error();
 #endif

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "palpate/haptics/device.h"
+#include "src/math/internal/pose_of_matrix.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -52,23 +53,6 @@ inline bool is_rotation(const Mat3d& R) {
   const auto is_near = [](double a, double b) { return std::abs(a - b) < kRounding; };
   return is_near(dot(x, x), 1) && is_near(dot(y, y), 1) && is_near(dot(z, z), 1) &&
          is_near(dot(x, y), 0) && is_near(dot(y, z), 0) && is_near(dot(cross(x, y), z), 1);
-}
-
-/// The unit quaternion of a rotation matrix, by the largest of its four components (Shepperd).
-inline Quaternion quaternion_of(const Mat3d& R) {
-  const auto& m = R.m;
-  const double xx = m[0][0], yy = m[1][1], zz = m[2][2];
-  Quaternion q;
-  if (xx + yy + zz > 0) {
-    q = {m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1], 1 + xx + yy + zz};
-  } else if (xx >= yy && xx >= zz) {
-    q = {1 + xx - yy - zz, m[0][1] + m[1][0], m[0][2] + m[2][0], m[2][1] - m[1][2]};
-  } else if (yy >= zz) {
-    q = {m[0][1] + m[1][0], 1 - xx + yy - zz, m[1][2] + m[2][1], m[0][2] - m[2][0]};
-  } else {
-    q = {m[0][2] + m[2][0], m[1][2] + m[2][1], 1 - xx - yy + zz, m[1][0] - m[0][1]};
-  }
-  return normalized(q);
 }
 
 }}  // namespace palpate::v0

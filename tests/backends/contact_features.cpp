@@ -7,13 +7,18 @@
 #include <gtest/gtest.h>
 
 #include "palpate/contact/body_contact.h"
+#include "src/cloud/internal/frame_noise.h"
 #include "src/contact/backends.h"
+#include "src/contact/batch/field_batch.h"
+#include "src/contact/batch/field_batch_cuda.h"
 #include "src/core/internal/stamp.h"
 #include "src/field/internal/pinhole_cloud.h"
+#include "src/field/timeline/batch_frames.h"
 #include "src/field/timeline/frame_slots.h"
 #include "tests/backends/backend_features.h"
 #include "tests/cloud/depth_scenes.h"
 #include "tests/field/device_views.h"
+#include "tests/field/rough_images.h"
 #include "tests/test_util/contact_checks.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/cuda_queries.h"
@@ -28,6 +33,8 @@ constexpr double kReach = 2 * kHalfSide;  // lever arms, and the scale of potent
 constexpr double kMeasure = 1e-5;
 /// The stiffness of the CPU is computed in single precision.
 constexpr double kStiffness = 1e-4;
+/// Deviations by the noise of the depth, which a GPU adds up in integers.
+constexpr double kDeviations = 1e-4;
 /// Sums in double precision.
 constexpr double kExact = 1e-10;
 
@@ -210,6 +217,58 @@ void compare_stiffness(double allowed) {
                });
 }
 
+void compare_deviations(double allowed) {
+  Pair pair;
+  const FrameNoise noise = frame_noise({.at_zero = 0.001});
+  pair.surface.field.noise = &noise;
+  for (const Pose& X_WT : poses(3)) {
+    const auto said_by = [&](ContactQueries& queries) {
+      const ContactQuery& query = queries.by({.method = MethodKind::field});
+      return query.measure(pair.surface, X_WT, {.noise = true}).noise.value();
+    };
+    const MeasureNoise got = said_by(pair.cuda), want = said_by(pair.cpu);
+    EXPECT_GT(want.volume, 0);
+    EXPECT_NEAR(got.volume_std(), want.volume_std(), allowed * want.volume_std());
+    EXPECT_LE(norm(got.force_std() - want.force_std()), allowed * norm(want.force_std()));
+    EXPECT_LE(norm(got.torque_std() - want.torque_std()), allowed * norm(want.torque_std()));
+  }
+}
+
+// Images that are smoothed adaptively each have a noise of their own.
+void compare_image_deviations(double allowed) {
+  constexpr int kNum = 3, kPerImage = 8;
+  const RoughImages images(96, 64, kNum, 1);
+  SlotSettings settings;
+  settings.stream.width = images.camera.width;
+  settings.stream.height = images.camera.height;
+  settings.stream.intrinsics = images.camera.intrinsics;
+  settings.field = DepthFieldOptions{};
+  settings.time.mode = TimeMode::latest;
+  const auto on_gpu = make_batch_frames_cuda(settings, 0).value();
+  const auto on_cpu = make_batch_frames_cpu(settings).value();
+  const Tool tool = test_tool();
+  const auto index = ToolIndex::create(tool);
+  Random random(2);
+  std::vector<Pose> X_WT;
+  std::vector<std::int32_t> image_of_pose;
+  for (int i = 0; i < kNum * kPerImage; ++i) {
+    const double z = images.meters[images.size() * static_cast<std::size_t>(i % kNum) + 40];
+    X_WT.push_back({{random.uniform(-0.1, 0.1), random.uniform(-0.1, 0.1), z}, random.rotation(3)});
+    image_of_pose.push_back(i % kNum);
+  }
+  const auto answered_by = [&](const BatchQuery& query, BatchFrames& frames) {
+    ThreadPool pool(1);
+    std::vector<double> said(X_WT.size());
+    const SurfaceBatch fields = frames.update(images.image(0), kNum, {}, pool).value();
+    EXPECT_TRUE(query.measure(fields, {X_WT, image_of_pose}, {.volume_std = said.data()}));
+    return said;
+  };
+  const std::vector<double> got = answered_by(FieldBatchCuda(index, {}, 0), *on_gpu),
+                            want = answered_by(FieldBatch(index, {}, {}), *on_cpu);
+  for (std::size_t i = 0; i < want.size(); ++i) EXPECT_NEAR(got[i], want[i], allowed * want[i]);
+  EXPECT_GT(std::ranges::count_if(want, [](double std) { return std > 0; }), 6);
+}
+
 void compare_faults(double allowed) {
   Pair pair;
   const Pose nowhere{{NAN, 0, 0}, {}};
@@ -233,6 +292,8 @@ FeatureGroup results() {
   return {"Results beside the wrench",
           {
               {"stiffness of `field`", kStiffness, compare_stiffness},
+              {"standard deviations of `field`", kDeviations, compare_deviations},
+              {"the same of images of a batch", kDeviations, compare_image_deviations},
               {"states of spheres", 0, compare_states},
               {"planes of spheres", kMeasure, compare_planes},
               {"status: bad poses, ambiguous normals", kMeasure, compare_faults},

@@ -1,6 +1,7 @@
 // Many images at once on a GPU: the bits of the CPU's fields.
 #include <gtest/gtest.h>
 
+#include "src/cloud/internal/frame_noise.h"
 #include "src/field/timeline/batch_frames.h"
 #include "src/gpu/internal/runtime.h"
 #include "src/gpu/internal/team.cuh"
@@ -34,7 +35,13 @@ struct Expected {
       SCOPED_TRACE(i);
       const SurfaceView surface = got[static_cast<int>(i)];
       EXPECT_EQ(surface.field.gpu, 0);
-      test::expect_same_field(surface.field, sensor.update(images[i]).field, stream);
+      const DepthFieldView want = sensor.update(images[i]).field;
+      test::expect_same_field(surface.field, want, stream);
+      FrameNoise noise;
+      ASSERT_NE(got.noises(), nullptr) << "each learns its own";
+      stream.copy(&noise, got.noises() + i, sizeof noise);
+      ASSERT_TRUE(stream.wait());
+      EXPECT_TRUE(noise == *want.noise);
     }
   }
 };

@@ -178,10 +178,11 @@ class SurfaceBatch {
       : views_(views.data()), size_(static_cast<int>(views.size())) {}
   SurfaceBatch(const std::vector<SurfaceView>& views) : SurfaceBatch(std::span(views)) {}
   /// `num` fields without clouds. Distances between two fields: in pixels for planes, silhouettes
-  /// and near_silhouette, and in tiles.
+  /// and near_silhouette, and in tiles. `noises`: of each field, in the memory of its GPU; null:
+  /// that of the first, of all.
   SurfaceBatch(const DepthFieldView& first, int num, std::ptrdiff_t pixels_apart,
-               std::ptrdiff_t tiles_apart)
-      : size_(num), pixels_apart_(pixels_apart), tiles_apart_(tiles_apart) {
+               std::ptrdiff_t tiles_apart, const FrameNoise* noises = nullptr)
+      : size_(num), pixels_apart_(pixels_apart), tiles_apart_(tiles_apart), noises_(noises) {
     first_.field = first;
   }
 
@@ -191,6 +192,7 @@ class SurfaceBatch {
   bool is_even() const { return views_ == nullptr && size_ > 0; }
   std::ptrdiff_t pixels_apart() const { return pixels_apart_; }
   std::ptrdiff_t tiles_apart() const { return tiles_apart_; }
+  const FrameNoise* noises() const { return noises_; }
 
   SurfaceView operator[](int number) const {
     if (views_ != nullptr) return views_[number];
@@ -211,6 +213,7 @@ class SurfaceBatch {
   SurfaceView first_;
   int size_ = 0;
   std::ptrdiff_t pixels_apart_ = 0, tiles_apart_ = 0;
+  const FrameNoise* noises_ = nullptr;
 };
 
 /// A depth camera. Frame C: x right, y down, z forward; W = C unless images have an X_WC.

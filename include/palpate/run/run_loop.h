@@ -92,7 +92,7 @@ inline void add_settings(SettingTable& t, RunSettings& s) {
   t.add("contact_rate", s.contact_rate, {1, 100000, "Hz"}, "maximum queries per second");
   t.add("std", s.wants_std,
         "standard deviations of volume, force and torque by the noise of the depth, in wrench.csv, "
-        "recording, plots and ROS 2 messages; method field, on the CPU");
+        "recording, plots and ROS 2 messages; method field");
   t.add("real_time", s.wants_real_time, "real-time scheduling and locked memory if permitted");
   add_settings(t, s.coupling);
   add_settings(t, s.safety);

@@ -35,6 +35,7 @@ namespace {
 
 void make_batch_over(PyBatch* self, nb::handle volume, nb::handle potential, nb::handle force,
                      nb::handle torque, nb::handle stiffness, nb::handle status,
+                     nb::handle volume_std, nb::handle force_std, nb::handle torque_std,
                      nb::handle clearance, nb::handle clearance_gradient, nb::handle nearest,
                      nb::handle decided, nb::handle unseen, nb::handle sphere_depth,
                      nb::handle sphere_volume, nb::handle sphere_direction,
@@ -48,6 +49,9 @@ void make_batch_over(PyBatch* self, nb::handle volume, nb::handle potential, nb:
   answers.torque = layout.take<double>(torque, "torque", {3});
   answers.stiffness = layout.take<double>(stiffness, "stiffness", {6, 6});
   answers.status = layout.take<std::uint32_t>(status, "status", {});
+  answers.volume_std = layout.take<double>(volume_std, "volume_std", {});
+  answers.force_std = layout.take<double>(force_std, "force_std", {3});
+  answers.torque_std = layout.take<double>(torque_std, "torque_std", {3});
   SceneAnswers& scene = batch.scene;
   scene.clearance = layout.take_named<double>(clearance, "clearance", {});
   scene.clearance_gradient =
@@ -178,7 +182,7 @@ struct PoseArgument {
 nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
                          nb::handle surface_of_pose, bool stiffness, bool with_std, nb::handle out,
                          nb::handle stream) {
-  if (with_std) check_std(self, true);
+  if (with_std) check_std(self);
   const std::vector<PyBody> bodies = bodies_of(surfaces);
   if (!bodies.empty() && (self.place().backend != Backend::cpu || self.method() != "field")) {
     throw PalpateError(
@@ -258,17 +262,22 @@ ValueError: another shape, type or memory.)");
       .def("__init__", make_batch_over, nb::kw_only(), nb::arg("volume") = nb::none(),
            nb::arg("potential") = nb::none(), nb::arg("force") = nb::none(),
            nb::arg("torque") = nb::none(), nb::arg("stiffness") = nb::none(),
-           nb::arg("status") = nb::none(), nb::arg("clearance") = nb::none(),
-           nb::arg("clearance_gradient") = nb::none(), nb::arg("nearest") = nb::none(),
-           nb::arg("decided") = nb::none(), nb::arg("unseen") = nb::none(),
-           nb::arg("sphere_depth") = nb::none(), nb::arg("sphere_volume") = nb::none(),
-           nb::arg("sphere_direction") = nb::none(), nb::arg("sphere_decided") = nb::none(),
+           nb::arg("status") = nb::none(), nb::arg("volume_std") = nb::none(),
+           nb::arg("force_std") = nb::none(), nb::arg("torque_std") = nb::none(),
+           nb::arg("clearance") = nb::none(), nb::arg("clearance_gradient") = nb::none(),
+           nb::arg("nearest") = nb::none(), nb::arg("decided") = nb::none(),
+           nb::arg("unseen") = nb::none(), nb::arg("sphere_depth") = nb::none(),
+           nb::arg("sphere_volume") = nb::none(), nb::arg("sphere_direction") = nb::none(),
+           nb::arg("sphere_decided") = nb::none(),
            nb::sig("def __init__(self, *, volume: palpate._types.Array | None = None, "
                    "potential: palpate._types.Array | None = None, "
                    "force: palpate._types.Array | None = None, "
                    "torque: palpate._types.Array | None = None, "
                    "stiffness: palpate._types.Array | None = None, "
                    "status: palpate._types.Array | None = None, "
+                   "volume_std: palpate._types.Array | None = None, "
+                   "force_std: palpate._types.Array | None = None, "
+                   "torque_std: palpate._types.Array | None = None, "
                    "clearance: palpate._types.Array | None = None, "
                    "clearance_gradient: palpate._types.Array | None = None, "
                    "nearest: palpate._types.Array | None = None, "

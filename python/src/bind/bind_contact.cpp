@@ -57,7 +57,7 @@ void check_surfaces(const std::vector<nb::object>& surfaces, const PyContact& co
 
 PyResult measure(PyContact& self, nb::handle given, nb::handle pose, bool with_stiffness,
                  bool with_std, bool with_states) {
-  if (with_std) check_std(self, false);
+  if (with_std) check_std(self);
   const std::vector<nb::object> surfaces = surfaces_of(given);
   // Same bits as in a batch, which does not normalize quaternions.
   const Pose X_WT = surfaces.size() == 1 ? given_pose(pose, "pose") : pose_of(pose, "pose");
@@ -248,7 +248,8 @@ surface_of_pose: (P,) int32, the index of the surface of each pose; None: one su
 out: a Batch of the same size to overwrite: of an earlier call, or over your own arrays. Of a scene
     over your own arrays, which say what is computed.
 stiffness: also compute Batch.stiffness.
-std: also compute Batch.volume_std, force_std and torque_std, on a CPU; zero for bodies.
+std: also compute Batch.volume_std, force_std and torque_std; zero for bodies, and not a number where
+    the noise of a surface is not known.
 clearance: also Batch.clearance, nearest, decided and clearance_gradient, up to `limit` (m).
 smooth: m; above 0 clearance and gradient are those of a smooth minimum over all spheres, never above
     the least and below it by at most smooth * ln(their number); on a CPU.
@@ -257,8 +258,8 @@ tool_of_pose: (P,) int32, the index of the tool of each pose, for a contact with
 group_of_pose: (P,) int32, such as the configuration of a robot: Batch.group_clearance and others.
 With one of these, or a palpate.Scene, all poses are measured in the whole scene, the hull of its
 surfaces and the sum over its bodies, and Batch.unseen is there for a Scene with cameras. Results are
-where the poses are; indices of tools and groups are in host memory, and so is all of std, per_sphere
-and groups.
+where the poses are; indices of tools and groups are in host memory, and so is all of per_sphere and
+groups.
 stream: a CUDA stream, as a number or an object of PyTorch or CuPy: arrays on the GPU are read after
     its earlier work. With poses and results on the GPU too, the work is only enqueued, and may be
     captured in a CUDA graph; of a scene after one call with it. None: the default stream.

@@ -156,19 +156,41 @@ void evaluate(PyContact& self, const PyScene& scene, const PoseRequest& request,
   }));
 }
 
+/// The array of the caller for the answers of `any`. ValueError: another shape, type or memory.
+std::uint8_t* hits_in(const WritableArray& out, std::size_t num, int gpu) {
+  const std::string shape = shape_of(out), desired = shape_text({num});
+  if (shape != desired) refuse_shape("out", shape, desired.c_str());
+  require_dense(out, "out",
+                out.dtype() == nb::dtype<bool>() ? nb::dtype<bool>() : nb::dtype<std::uint8_t>());
+  if (memory_of(out, "out") != gpu) throw nb::value_error("out: is elsewhere than the poses");
+  return static_cast<std::uint8_t*>(out.data());
+}
+
 nb::object any(PyContact& self, nb::handle given, nb::handle poses, double margin,
-               nb::handle tool_of_pose, nb::handle group_of_pose, nb::handle stream) {
+               nb::handle tool_of_pose, nb::handle group_of_pose, nb::handle out,
+               nb::handle stream) {
   const PyScene scene = scene_of(given);
   const PoseRequest request({given, poses, tool_of_pose, group_of_pose, stream});
   const int gpu = request.query.gpu;
   const std::size_t num = request.group_of_pose ? static_cast<std::size_t>(request.query.num_groups)
                                                 : request.query.X_WT.size();
-  const Made<std::uint8_t> hits(gpu, {num});
+  WritableArray array;
+  std::uint8_t* hits = nullptr;
+  nb::object result = nb::borrow(out);
+  if (out.is_none()) {
+    const Made<std::uint8_t> made(gpu, {num});
+    hits = made.at;
+    result = made.bools(gpu);
+  } else if (nb::try_cast<WritableArray>(out, array, false)) {
+    hits = hits_in(array, num, gpu);
+  } else {
+    throw nb::type_error("out: not an array that can be written");
+  }
   const auto queue = request.queue(gpu);
   check(self.with_scenes([&](const SceneContact& contact) {
-    return contact.any(scene.scene, request.query, margin, hits.at, queue);
+    return contact.any(scene.scene, request.query, margin, hits, queue);
   }));
-  return hits.bools(gpu);
+  return result;
 }
 
 }  // namespace
@@ -182,7 +204,7 @@ bool is_scene(nb::handle given) { return nb::isinstance<PyScene>(given); }
 
 std::unique_ptr<PyBatch> measure_scene(PyContact& self, const SceneQuestion& question,
                                        SceneWants wants) {
-  if (wants.noise) check_std(self, true);
+  if (wants.noise) check_std(self);
   const PyScene scene = scene_of(question.scene);
   wants.unseen = !scene.cameras.empty() && self.method() == "field" && wants.unseen;
   const PoseRequest request(question);
@@ -255,18 +277,20 @@ ValueError: another word. TypeError: neither surfaces nor bodies.)")
   contact.def(
       "any", any, nb::arg("scene"), nb::arg("poses"), nb::arg("margin") = 0.0, nb::kw_only(),
       nb::arg("tool_of_pose") = nb::none(), nb::arg("group_of_pose") = nb::none(),
-      nb::arg("stream") = nb::none(),
+      nb::arg("out") = nb::none(), nb::arg("stream") = nb::none(),
       nb::sig("def any(self, scene: Scene | Surface | Body | "
               "collections.abc.Sequence[Surface | Body], poses: palpate._types.Array, "
               "margin: float = 0.0, *, tool_of_pose: palpate._types.Array | None = None, "
               "group_of_pose: palpate._types.Array | None = None, "
+              "out: palpate._types.Array | None = None, "
               "stream: palpate._types.Stream | None = None) "
               "-> palpate._types.Array"),
       R"(Whether the tool comes nearer than `margin` (m): (P,) bool, the clearance is below it.
 
 Ends at the first sphere that does, several times faster than the clearance. With group_of_pose: (G,)
-bool, of each group whether one of its poses does. A pose that is not finite does. Of poses on a GPU it
-is a new array there, so a CUDA graph cannot capture it. See measure_batch.)");
+bool, of each group whether one of its poses does. A pose that is not finite does. The array lies where
+the poses are, and is new unless you give it: `out`, bool or uint8, which a CUDA graph needs. See
+measure_batch. ValueError: `out` of another shape, type or memory.)");
 }
 
 }  // namespace palpate::python

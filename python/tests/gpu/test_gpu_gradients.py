@@ -101,26 +101,44 @@ def test_captured_in_a_graph(cube, felt):
     poses = numbers.cuda().requires_grad_()
 
     def step():
-        (gradient,) = torch.autograd.grad(penetration(cube, on_gpu, poses).potential.sum(), poses)
-        return gradient
+        potential = penetration(cube, on_gpu, poses, second=True).potential
+        (gradient,) = torch.autograd.grad(potential.sum(), poses, create_graph=True)
+        (twice,) = torch.autograd.grad(gradient.square().sum(), poses)
+        (by_far,) = torch.autograd.grad(clearance(cube, on_gpu, poses).sum(), poses)
+        return [each.detach() for each in (gradient, twice, by_far)]
 
     side = torch.cuda.Stream()
     with torch.cuda.stream(side):
-        expected = step().clone()
+        expected = [each.clone() for each in step()]
     side.synchronize()
     graph = torch.cuda.CUDAGraph()
     with torch.cuda.graph(graph, stream=side):
-        gradient = step()
+        got = step()
     with torch.no_grad():
         poses[:, 2] -= 0.3  # in front of everything
     graph.replay()
     torch.cuda.synchronize()
-    assert gradient.abs().max() < expected.abs().max() / 100
+    for each, before in zip(got[:2], expected):
+        assert each.abs().max() < before.abs().max() / 100
     with torch.no_grad():
         poses.copy_(numbers)
     graph.replay()
     torch.cuda.synchronize()
-    assert torch.equal(gradient, expected)
+    for each, before in zip(got, expected):
+        assert torch.equal(each, before)
+
+
+def test_single_precision(cube, felt):
+    torch, _, on_gpu, numbers = felt
+
+    def derivatives(poses):
+        poses = poses.cuda().requires_grad_()
+        (first,) = torch.autograd.grad(penetration(cube, on_gpu, poses).potential.sum(), poses, create_graph=True)
+        return first, torch.autograd.grad(first[:, 2].sum(), poses)[0]
+
+    for one, other in zip(derivatives(numbers.float()), derivatives(numbers)):
+        assert one.dtype == torch.float32
+        assert_close(one.detach().double(), other.detach().cpu(), "single precision", 1e-2)
 
 
 def test_poses_that_are_none_give_zero(cube, felt):

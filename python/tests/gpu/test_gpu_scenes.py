@@ -55,6 +55,18 @@ def test_a_scene_takes_and_leaves_arrays_there(cube, scene, library, num_cameras
     for name in there:
         assert np.array_equal(library.host(there[name])[::-1], getattr(want, name)), name
 
+    is_hit = library.on_gpu(np.full(NUM, True))
+    replay = library.captured(lambda stream: contact.any(everything, where, 0.01, out=is_hit, stream=stream))
+    library.write(where, library.on_gpu(poses))
+    library.wait()
+    replay()
+    library.wait()
+    assert np.array_equal(library.host(is_hit), blocked)
+    with pytest.raises(ValueError, match="out: is elsewhere than the poses"):
+        contact.any(everything, where, out=np.zeros(NUM, bool))
+    library.write(where, library.on_gpu(poses[::-1].copy()))
+    library.wait()
+
     smooth = contact.measure_batch(everything, where, clearance=True, smooth=0.002)
     library.wait()
     there = library.taken(smooth.clearance)[::-1]

@@ -14,6 +14,8 @@ inline constexpr double kDetailShare = 0.78;
 struct FrameNoise {
   float base[kNumNoiseLevels] = {}, growth[kNumNoiseLevels] = {};
   bool is_whole = false;  ///< shape has no part in it, and the last level stands for all wider ones
+
+  friend bool operator==(const FrameNoise&, const FrameNoise&) = default;
 };
 
 /// Returns the noise by scale of a camera. The mean over a cell of n pixels has the variance of

@@ -46,14 +46,17 @@ class SurfaceCuda {
   /// The same from depth in meters (NaN or 0: no measurement), width * height values on this GPU.
   void enqueue_depth(gpu::Stream& stream, const float* depth, int part = 0, int num_parts = 1);
   /// The same of `num` images, one after the other in the memory of this GPU: of counts, or of
-  /// depth if they are null. Makes only the planes of their points; no depth change.
-  void enqueue_images(gpu::Stream& stream, const std::uint16_t* counts, const float* depth,
-                      int num);
+  /// depth if they are null. Makes only the planes of their points; no depth change. `noises`:
+  /// where the noise of each goes on the GPU, if it is learned; or null.
+  void enqueue_images(gpu::Stream& stream, const std::uint16_t* counts, const float* depth, int num,
+                      FrameNoise* noises = nullptr);
+  /// True if each image tells its noise; else it is that of `cloud`.
+  bool learns_noise() const;
   /// The rows of its input that a part is the first to read.
   ImageRows input_rows(int part, int num_parts) const;
 
   /// Arrays on the GPU, always the same ones, and the frame's noise in memory of the host, null in
-  /// a batch; they hold a frame when its last part is done.
+  /// a batch that learns it; they hold a frame when its last part is done.
   PointCloudView cloud() const;
   /// Planes of the points of all images of a batch, on the GPU.
   const TangentPlane* planes() const;

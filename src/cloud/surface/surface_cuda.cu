@@ -79,12 +79,13 @@ struct SurfaceCuda::Impl {
   std::optional<AdaptiveCuda> adaptive;
   NormalJob normals;
   FrameNoise noise;  // unless the adaptive filter learns it
+  bool learns_noise;
   std::size_t num_tiles;
 
   Impl(int image_width, int image_height, const Intrinsics& k, const SurfaceOptions& options,
        int gpu, int num_images, const Distortion& distortion);
   void enqueue(gpu::Stream& stream, const std::uint16_t* counts, const float* meters,
-               const Part& part, int num_images = 0);
+               const Part& part, int num_images = 0, FrameNoise* noises = nullptr);
 };
 
 SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
@@ -144,13 +145,14 @@ SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
   cloud.view.edge_y = change[1];
   cloud.view.edge_z = change[2];
   noise = frame_noise(options.noise);
-  const bool is_learned = adaptive && !is_known(options.noise);
-  // The images of a batch learn a noise each, which stays on the GPU.
-  cloud.view.noise = !is_learned ? &noise : num_images > 0 ? nullptr : adaptive->noise();
+  learns_noise = adaptive && !is_known(options.noise);
+  // The images of a batch learn a noise each.
+  cloud.view.noise = learns_noise ? adaptive->noise() : &noise;
 }
 
 void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts,
-                                const float* meters, const Part& part, int num_images) {
+                                const float* meters, const Part& part, int num_images,
+                                FrameNoise* noises) {
   const bool is_batch = num_images > 0;
   const int tiles_per_row = filter.tiling.tiles_per_row;
   const auto shape = [&](ImageRows strips, std::size_t shared_bytes) {
@@ -172,7 +174,7 @@ void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts
     job.tiling.first_tile = filtered.begin * tiles_per_row;
     job.tiling.num_tiles = (filtered.end - filtered.begin) * tiles_per_row;
     if (adaptive) {
-      adaptive->enqueue(stream, job, std::max(num_images, 1));
+      adaptive->enqueue(stream, job, std::max(num_images, 1), noises);
     } else {
       gpu::launch(stream, shape(filtered, sizeof(FilterShared)), filter_kernel(job), job);
     }
@@ -238,11 +240,12 @@ void SurfaceCuda::enqueue_depth(gpu::Stream& stream, const float* depth, int par
 }
 
 void SurfaceCuda::enqueue_images(gpu::Stream& stream, const std::uint16_t* counts,
-                                 const float* depth, int num) {
+                                 const float* depth, int num, FrameNoise* noises) {
   if (counts != nullptr) impl_->raw.enqueue_unit(stream);
   const int num_strips = (impl_->height + kStripRows - 1) / kStripRows;
-  impl_->enqueue(stream, counts, depth, {num_strips, 0, 1}, num);
+  impl_->enqueue(stream, counts, depth, {num_strips, 0, 1}, num, noises);
 }
+bool SurfaceCuda::learns_noise() const { return impl_->learns_noise; }
 
 std::ptrdiff_t SurfaceCuda::points_apart() const { return impl_->filter.tiling.points_apart; }
 PointCloudView SurfaceCuda::cloud() const { return impl_->cloud.view; }

@@ -104,8 +104,9 @@ __device__ void add_clusters(const BatchJob& job, const FieldLook& field, double
        begin += kClustersAtOnce * num_warps) {
     FieldShare share;
     StiffnessShare stiffness;
+    NoNoise noise;
     add_clusters<Sample, kHasWholes>(elements, field, 1, false, begin, num_warps, kMaxTilesPerLane,
-                                     share, &stiffness);
+                                     share, &stiffness, noise);
     double values[kNumTerms] = {share.volume,   share.potential, share.force[0],  share.force[1],
                                 share.force[2], share.torque[0], share.torque[1], share.torque[2]};
     fold_over_warp<kNumTerms / 2, 4>(values);

@@ -175,7 +175,7 @@ void FieldBatch::Worker::put(std::size_t pose, const BatchPose& at, ContactResul
 void FieldBatch::Worker::put_nothing(std::size_t pose) const {
   ContactResult nothing;
   nothing.stiffness = StiffnessSums{}.stiffness();
-  nothing.noise.emplace();
+  if (job.fields[0].noise != nullptr) nothing.noise.emplace();
   put_answers(pose, nothing, answers);
 }
 

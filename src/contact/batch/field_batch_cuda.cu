@@ -5,7 +5,7 @@
 #include <string>
 #include <utility>
 
-#include "src/contact/batch/batch_kernel.cuh"
+#include "src/contact/batch/batch_noise.cuh"
 #include "src/contact/batch/field_batch.h"
 #include "src/contact/batch/staged_answers.h"
 
@@ -22,10 +22,12 @@ struct FieldBatchCuda::Table {
   std::optional<gpu::Memory> memory;
   int num = 0;  // there is room for
   FieldLook* on_gpu = nullptr;
+  SurfaceNoise* noise = nullptr;
   Pose* X_WC = nullptr;          // of cameras
   std::vector<Pose> known_X_WC;  // that lie there
   std::vector<FieldLook> known;  // in the table
   std::vector<FieldLook> desired;
+  std::vector<SurfaceNoise> known_noise, desired_noise;
   std::vector<GpuFields> copies;  // of surfaces in host memory, by their numbers
 };
 
@@ -82,8 +84,10 @@ Status FieldBatchCuda::grow_table(int num_surfaces) const {
   own_stream_.wait();
   gpu::Memory memory(gpu_);
   table.on_gpu = memory.take<FieldLook>(static_cast<std::size_t>(num_surfaces));
+  table.noise = memory.take<SurfaceNoise>(static_cast<std::size_t>(num_surfaces));
   table.X_WC = memory.take<Pose>(static_cast<std::size_t>(num_surfaces));
   table.known.clear();
+  table.known_noise.clear();
   table.known_X_WC.clear();
   table.num = 0;
   table.memory.reset();
@@ -179,6 +183,50 @@ Status FieldBatchCuda::look_at(const SurfaceBatch& surfaces, gpu::Stream& stream
   return stream.status();
 }
 
+/// Takes the noise of all surfaces; the table has room for them.
+Status FieldBatchCuda::look_at_noise(const SurfaceBatch& surfaces, gpu::Stream& stream,
+                                     BatchNoiseJob& job) const {
+  const bool is_recording = stream.is_recording();
+  if (!noise_rows_.is_taken()) {
+    if (is_recording) {
+      return refuse(
+          "standard deviations were captured in a graph before their memory was there; measure "
+          "them once before");
+    }
+    const int num_clusters = field_tool_.elements.num_clusters;
+    int resident = 1 << 20;
+    for (const auto kernel : {measure_deviations<true>, measure_deviations<false>}) {
+      resident =
+          std::min(resident, gpu::resident_blocks(gpu_, reinterpret_cast<const void*>(kernel),
+                                                  kNoiseThreads, sizeof(BatchNoiseScratch)));
+    }
+    const Status status = noise_rows_.take(gpu_, num_clusters, kNoiseWarps, resident);
+    if (!status) return status;
+  }
+  job.kept = noise_rows_.rows();
+  job.learned = surfaces.noises();
+  if (surfaces.size() > 0) job.first = noise_of(surfaces[0].field);
+  if (surfaces.is_even() || surfaces.size() <= 1) return Done{};
+  Table& table = *table_;
+  table.desired_noise.clear();
+  for (int i = 0; i < surfaces.size(); ++i) {
+    table.desired_noise.push_back(noise_of(surfaces[i].field));
+  }
+  if (table.known_noise != table.desired_noise) {
+    if (is_recording) {
+      return refuse(
+          "standard deviations were captured in a graph with surfaces of another noise than "
+          "before; measure them once before");
+    }
+    stream.copy(table.noise, table.desired_noise.data(),
+                table.desired_noise.size() * sizeof(SurfaceNoise));
+    if (!stream.wait()) return stream.status();
+    table.known_noise = table.desired_noise;
+  }
+  job.table = table.noise;
+  return Done{};
+}
+
 /// Copies the poses of several cameras, if they are not those of the last batch.
 Status FieldBatchCuda::place_cameras(std::span<const Pose> X_WC, gpu::Stream& stream,
                                      BatchJob& job) const {
@@ -217,8 +265,19 @@ void FieldBatchCuda::launch(const BatchJob& job, int num_poses, gpu::Stream& str
               job);
 }
 
+void FieldBatchCuda::launch_noise(BatchNoiseJob& job, int num_poses, gpu::Stream& stream) const {
+  job.num_poses = num_poses;
+  const bool has_wholes = field_tool_.elements.first_ball >= kMinWholes;
+  gpu::launch(stream,
+              {.blocks = std::min(num_poses, noise_rows_.num_blocks()),
+               .threads = kNoiseThreads,
+               .shared_bytes = sizeof(BatchNoiseScratch)},
+              has_wholes ? measure_deviations<true> : measure_deviations<false>, job);
+}
+
 void FieldBatchCuda::measure_part(const PoseBatch& poses, const BatchAnswers& answers, int first,
-                                  int num, BatchJob& job, gpu::Stream& stream) const {
+                                  int num, BatchNoiseJob& with_noise, gpu::Stream& stream) const {
+  BatchJob& job = with_noise.batch;
   const auto begin = static_cast<std::size_t>(first), size = static_cast<std::size_t>(num);
   job.first_pose = 0;
   job.X_WT = poses.X_WT.data() + begin;
@@ -240,6 +299,7 @@ void FieldBatchCuda::measure_part(const PoseBatch& poses, const BatchAnswers& an
                                           : (is_staged ? staged : requested + each * begin);
               });
   launch(job, num, stream);
+  if (answers.want_noise()) launch_noise(with_noise, num, stream);
   if (is_staged) copy_answers(answers, staged_.answers, begin, size, stream);
 }
 
@@ -248,11 +308,6 @@ Status FieldBatchCuda::measure(const SurfaceBatch& surfaces, const PoseBatch& po
                                std::optional<CallerStream> requested_stream) const {
   if (!status()) return status();
   if (const Status status = check(surfaces, poses, answers); !status) return status;
-  if (answers.want_noise()) {
-    return Error{Errc::unavailable,
-                 "standard deviations are computed on a CPU: create the contact with Place::cpu(), "
-                 "or leave out volume_std, force_std and torque_std"};
-  }
   if (poses.X_WT.empty()) return Done{};
   const int num = static_cast<int>(poses.X_WT.size());
   caller_stream_.continue_in(requested_stream ? requested_stream->handle : own_stream_.handle());
@@ -267,14 +322,19 @@ Status FieldBatchCuda::measure(const SurfaceBatch& surfaces, const PoseBatch& po
     }
     if (const Status status = grow_staged(num); !status) return status;
   }
-  BatchJob job;
+  BatchNoiseJob with_noise;
+  BatchJob& job = with_noise.batch;
   job.tool = field_tool_;
   job.p_TC = p_TC_;
   if (const Status status = place_cameras(poses.X_WC, stream, job); !status) return status;
   if (const Status status = look_at(surfaces, stream, job); !status) return status;
+  if (answers.want_noise()) {
+    const Status status = look_at_noise(surfaces, stream, with_noise);
+    if (!status) return status;
+  }
   const int at_once = is_staged ? staged_.num_poses : num;
   for (int first = 0; first < num; first += at_once) {
-    measure_part(poses, answers, first, std::min(at_once, num - first), job, stream);
+    measure_part(poses, answers, first, std::min(at_once, num - first), with_noise, stream);
   }
   if (requested_stream && !is_staged) {
     stream.mark();

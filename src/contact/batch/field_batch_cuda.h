@@ -9,10 +9,12 @@
 #include "palpate/contact/contact.h"
 #include "src/contact/cuda/gpu_field.h"
 #include "src/contact/field/field_tool_cuda.h"
+#include "src/contact/noise/batch_rows.h"
 
 namespace palpate { inline namespace v0 {
 
-struct BatchJob;  // the argument of the kernel
+struct BatchJob;  // the arguments of kernels
+struct BatchNoiseJob;
 
 /// All memory is allocated at construction or by `reserve`, or with the first batch that needs it.
 class FieldBatchCuda final : public BatchQuery {
@@ -47,9 +49,11 @@ class FieldBatchCuda final : public BatchQuery {
   Status grow_table(int num_surfaces) const;
   Status look_at(const SurfaceBatch& surfaces, gpu::Stream& stream, BatchJob& job) const;
   Status place_cameras(std::span<const Pose> X_WC, gpu::Stream& stream, BatchJob& job) const;
+  Status look_at_noise(const SurfaceBatch& surfaces, gpu::Stream& stream, BatchNoiseJob& job) const;
   void launch(const BatchJob& job, int num_poses, gpu::Stream& stream) const;
+  void launch_noise(BatchNoiseJob& job, int num_poses, gpu::Stream& stream) const;
   void measure_part(const PoseBatch& poses, const BatchAnswers& answers, int first, int num,
-                    BatchJob& job, gpu::Stream& stream) const;
+                    BatchNoiseJob& job, gpu::Stream& stream) const;
 
   std::shared_ptr<const ToolIndex> index_;
   int gpu_, num_warps_;  // of a block
@@ -60,6 +64,7 @@ class FieldBatchCuda final : public BatchQuery {
   mutable gpu::Stream own_stream_, caller_stream_;
   mutable Staged staged_;
   mutable std::unique_ptr<Table> table_;
+  mutable BatchRows noise_rows_;
 };
 
 /// Errors: no such GPU, or not enough memory on it.

@@ -4,10 +4,11 @@
 #include <utility>
 
 #include "src/contact/batch/scene_batch.h"
-#include "src/contact/batch/scene_kernel.cuh"
+#include "src/contact/batch/scene_noise.cuh"
 #include "src/contact/batch/staged_answers.h"
 #include "src/contact/bodies/shapes_of_scene.h"
 #include "src/contact/hull/hull_cameras.cuh"
+#include "src/contact/noise/batch_rows.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -37,6 +38,7 @@ class SceneBatchCuda final : public SceneBatch {
       made.push_back({make_field_tool(*index, volumes, memory_).elements,
                       index->tool().sphere_mass().center_of_mass,
                       full_volume(index->tool(), volumes)});
+      max_clusters_ = std::max(max_clusters_, made.back().elements.num_clusters);
     }
     on_gpu_ = memory_.copy_of(made);
     allow_shared_bytes<kFewCameras>();
@@ -86,6 +88,12 @@ class SceneBatchCuda final : public SceneBatch {
       if (stream.is_recording()) return late_in_graph("poses, indices or answers in host memory");
       const std::size_t most = std::min(poses.X_WT.size(), at_once_);
       if (const Status status = staged_.grow(most); !status) return status;
+    }
+    if (answers.want_noise() && cameras_.num() > 0 && !noise_rows_.is_taken()) {
+      if (stream.is_recording()) return late_in_graph("standard deviations of a contact");
+      const int resident =
+          std::min(resident_for_noise<kFewCameras>(), resident_for_noise<kMaxCameras>());
+      if (const Status s = noise_rows_.take(gpu_, max_clusters_, 1, resident); !s) return s;
     }
     if (cameras_.num() <= kFewCameras) {
       launch_all<kFewCameras>(poses, answers, unseen, stream);
@@ -154,6 +162,12 @@ class SceneBatchCuda final : public SceneBatch {
       (void)gpu::resident_blocks(gpu_, reinterpret_cast<const void*>(kernel), kHullThreads, bytes);
     });
   }
+  template <int kMaxViews>
+  int resident_for_noise() const {
+    return gpu::resident_blocks(gpu_,
+                                reinterpret_cast<const void*>(&measure_scene_deviations<kMaxViews>),
+                                kHullThreads, sizeof(SceneNoiseScratch<kMaxViews>));
+  }
   template <int kMaxViews, class F>
   static void for_kernels(const F& f) {
     f(&measure_scene<kMaxViews, Gradient>, sizeof(SceneScratch<kMaxViews, Gradient>));
@@ -178,11 +192,15 @@ class SceneBatchCuda final : public SceneBatch {
   void launch_all(const SceneBatchPoses& poses, const BatchAnswers& answers, double* unseen,
                   gpu::Stream& stream) {
     const std::size_t num = poses.X_WT.size();
-    SceneJob<kMaxViews> job;
+    SceneNoiseJob<kMaxViews> with_noise;
+    SceneJob<kMaxViews>& job = with_noise.scene;
     job.query = cameras_.query<kMaxViews>();
     for (int k = 0; k < job.query.num_cameras; ++k) {
       job.X_WC[k] = surfaces_[static_cast<std::size_t>(job.query.eyes[k].number)].X_WC;
+      with_noise.noises[k] = cameras_.noises()[k];
+      with_noise.is_known &= with_noise.noises[k].is_known != 0;
     }
+    with_noise.kept = noise_rows_.rows();
     job.tools = on_gpu_;
     job.num_tools = static_cast<std::int32_t>(tools_.size());
     job.pairs = pairs_;
@@ -224,10 +242,29 @@ class SceneBatchCuda final : public SceneBatch {
       } else {
         launch(&measure_scene<kMaxViews, Gradient>, sizeof(SceneScratch<kMaxViews, Gradient>));
       }
+      if (out.want_noise()) launch_noise(with_noise, size, stream);
       if (!is_staged) continue;
       copy_answers(answers, staged_.answers, first, size, stream);
       if (unseen != nullptr) stream.copy(unseen + first, staged_.unseen, size * sizeof(double));
     }
+  }
+
+  template <int kMaxViews>
+  void launch_noise(SceneNoiseJob<kMaxViews>& job, std::size_t num, gpu::Stream& stream) const {
+    const BatchAnswers& out = job.scene.out;
+    if (cameras_.num() == 0) {  // bodies have none
+      if (out.volume_std != nullptr) stream.clear(out.volume_std, num * sizeof(double));
+      for (double* const of : {out.force_std, out.torque_std}) {
+        if (of != nullptr) stream.clear(of, 3 * num * sizeof(double));
+      }
+      return;
+    }
+    job.num_poses = static_cast<std::int32_t>(num);
+    gpu::launch(stream,
+                {.blocks = std::min(job.num_poses, noise_rows_.num_blocks()),
+                 .threads = kHullThreads,
+                 .shared_bytes = sizeof(SceneNoiseScratch<kMaxViews>)},
+                measure_scene_deviations<kMaxViews>, job);
   }
 
   template <class Job>
@@ -250,6 +287,7 @@ class SceneBatchCuda final : public SceneBatch {
   int gpu_;
   std::size_t at_once_;  // poses in a launch
   std::vector<std::shared_ptr<const ToolIndex>> tools_;
+  int max_clusters_ = 0;
   gpu::Memory memory_;
   gpu::Stream own_stream_, caller_stream_;
   const SceneTool* on_gpu_ = nullptr;
@@ -265,6 +303,7 @@ class SceneBatchCuda final : public SceneBatch {
   const SceneBody* bodies_ = nullptr;
   std::int32_t num_bodies_ = 0;
   StagedPoses staged_;
+  BatchRows noise_rows_;
 };
 
 Error refused(const std::string& message) { return {Errc::invalid_argument, message}; }
@@ -283,11 +322,6 @@ class BodyBatchCuda final : public BodyBatchQuery {
       return refused("an array for answers in the memory of GPU " + std::to_string(answers.gpu) +
                      " was given to a batch on GPU " + std::to_string(gpu_) +
                      "; take one there, or in host memory");
-    }
-    if (answers.want_noise()) {
-      return Error{Errc::unavailable,
-                   "standard deviations are computed on a CPU: make the query with Place::cpu(), "
-                   "or leave out volume_std, force_std and torque_std"};
     }
     return scenes_->measure({.X_WT = X_WT, .has_one_body_each = true, .body_of_pose = body_of_pose},
                             answers, nullptr, {});

@@ -164,7 +164,8 @@ template <class Sample, int kMaxViews, class Scratch>
 __device__ void add_cameras(const SceneJob<kMaxViews>& job, Scratch& shared) {
   FieldShare share;
   StiffnessShare stiffness;
-  add_hull_elements(job.query, shared.tool, 0, 1, true, shared.views, share, stiffness);
+  NoNoise noise;
+  add_hull_elements(job.query, shared.tool, 0, 1, true, shared.views, share, stiffness, noise);
   sum_over_block(share, stiffness, shared, shared.sums[0]);
   if (threadIdx.x != 0) return;
   const auto& sums = shared.sums[0];

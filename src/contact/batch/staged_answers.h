@@ -22,6 +22,9 @@ void for_answers(const BatchAnswers& answers, const BatchAnswers& staged, BatchA
   f(answers.torque, staged.torque, std::size_t{3}, out.torque);
   f(answers.stiffness, staged.stiffness, std::size_t{36}, out.stiffness);
   f(answers.status, staged.status, std::size_t{1}, out.status);
+  f(answers.volume_std, staged.volume_std, std::size_t{1}, out.volume_std);
+  f(answers.force_std, staged.force_std, std::size_t{3}, out.force_std);
+  f(answers.torque_std, staged.torque_std, std::size_t{3}, out.torque_std);
 }
 
 /// Copies staged answers of poses to the arrays of the caller.
@@ -41,7 +44,10 @@ inline BatchAnswers take_answers(gpu::Memory& memory, std::size_t num) {
           memory.take<double>(3 * num),
           memory.take<double>(36 * num),
           memory.take<std::uint32_t>(num),
-          memory.gpu()};
+          memory.gpu(),
+          memory.take<double>(num),
+          memory.take<double>(3 * num),
+          memory.take<double>(3 * num)};
 }
 
 /// Memory for the poses of a scene and their answers.

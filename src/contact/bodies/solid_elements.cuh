@@ -91,7 +91,8 @@ __device__ void add_solid_element(const SolidWay& way, const SolidFrame& frame, 
   const Gradient3<float> n = turned(R, g.n);
   Symmetric<float> h{};
   if constexpr (kIsCurvature<Sample>) h = turned(R, sample.h);
-  add_cut<kIsCurvature<Sample>>(e, g.phi, n, h, share, &stiffness);
+  NoNoise noise;  // a CAD model has none
+  add_cut<kIsCurvature<Sample>>(e, g.phi, n, h, share, &stiffness, noise);
 }
 
 /// Adds every `step`-th cluster from `first` on. The whole warp calls.

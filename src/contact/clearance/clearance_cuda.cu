@@ -16,25 +16,9 @@
 namespace palpate { inline namespace v0 {
 namespace {
 
-/// Answers of a question, and whose memory they are in.
-struct PoseAnswers {
-  SceneAnswers clearance;
-  std::uint8_t* is_within = nullptr;
-  int gpu = kHostMemory;
-};
-
-/// Calls f(array of the caller, staged one, numbers of a pose, array of the question).
-template <class F>
-void for_answers(const PoseAnswers& answers, const PoseAnswers& staged, Question& question,
-                 const F& f) {
-  const SceneAnswers &to = answers.clearance, &from = staged.clearance;
-  f(to.clearance, from.clearance, std::size_t{1}, question.out.clearance);
-  f(to.nearest, from.nearest, std::size_t{1}, question.out.nearest);
-  f(to.decided, from.decided, std::size_t{1}, question.out.decided);
-  f(to.clearance_gradient, from.clearance_gradient, std::size_t{6},
-    question.out.clearance_gradient);
-  f(answers.is_within, staged.is_within, std::size_t{1}, question.is_within);
-}
+/// Launches whose poses and answers are all on the GPU have so many times more poses: they take no
+/// turns, so that what their last warps take counts.
+constexpr std::size_t kMoreThere = 4;
 
 class ClearanceBatchCuda final : public ClearanceBatch {
  public:
@@ -68,8 +52,11 @@ class ClearanceBatchCuda final : public ClearanceBatch {
       launch.X_WT = memory_.take<Pose>(at_once);
       launch.tool_of_pose = memory_.take<std::int32_t>(at_once);
       launch.group_of_pose = memory_.take<std::int32_t>(at_once);
-      launch.hits = memory_.take<ClearanceHit>(at_once);
-      launch.found = memory_.take<Clearance>(at_once);
+      const std::size_t most = &launch == &launches_[2] ? kMoreThere * at_once : at_once;
+      launch.hits = memory_.take<ClearanceHit>(most);
+      launch.found = memory_.take<Clearance>(most);
+      launch.is_near = memory_.take<std::uint8_t>(most);
+      launch.placed = memory_.take<ClearanceCamera>(std::max<std::size_t>(most, kMaxCameras));
       SceneAnswers& staged = launch.staged.clearance;
       staged.clearance = memory_.take<double>(at_once);
       staged.nearest = memory_.take<std::int32_t>(at_once);
@@ -234,6 +221,8 @@ class ClearanceBatchCuda final : public ClearanceBatch {
     gpu::Stream stream;
     Pose* X_WT = nullptr;
     std::int32_t *tool_of_pose = nullptr, *group_of_pose = nullptr;
+    ClearanceCamera* placed = nullptr;  // of some poses with all cameras
+    std::uint8_t* is_near = nullptr;
     ClearanceHit* hits = nullptr;
     Clearance* found = nullptr;
     ClearanceHit* each = nullptr;  // see Question
@@ -255,7 +244,10 @@ class ClearanceBatchCuda final : public ClearanceBatch {
                        std::to_string(gpu_)};
     }
     const std::size_t num = poses.X_WT.size();
-    const std::size_t at_once = question.smoothing > 0 ? soft_at_once_ : at_once_;
+    const std::size_t most = given != nullptr && !is_here ? kMoreThere * at_once_ : at_once_;
+    const std::size_t at_once =
+        std::clamp<std::size_t>(most / std::max<std::size_t>(seen_.size(), 1), 1,
+                                question.smoothing > 0 ? soft_at_once_ : most);
     // Far more time than it takes.
     const double patience = 60 + static_cast<double>(num) / 1e4;
     if (to.is_within != nullptr && has_groups) {
@@ -314,19 +306,23 @@ class ClearanceBatchCuda final : public ClearanceBatch {
       question.group_of_pose = on_gpu(launch.group_of_pose, poses.group_of_pose.data());
       question.is_within = to.is_within;
     }
+    question.placed = launch.placed;
+    question.is_near = launch.is_near;
     question.hits = launch.hits;
     question.found = launch.found;
     question.each = launch.each;
     question.num_poses = static_cast<std::int32_t>(num);
     const gpu::LaunchShape warps{.blocks = blocks_for(num, kWarps),
-                                 .threads = kWarps * gpu::kWarpSize,
-                                 .shared_bytes = sizeof(CameraScratch)},
+                                 .threads = kWarps * gpu::kWarpSize},
         threads{.blocks = blocks_for(num, kThreads)};
-    if (question.num_cameras > 0) gpu::launch(stream, warps, search_poses, question);
+    if (question.num_cameras > 0) {
+      gpu::launch(stream, threads, place_poses, question);
+      gpu::launch(stream, warps, search_poses, question);
+    }
     gpu::launch(stream, threads, refine_poses, question);
     if (question.num_bodies > 0) gpu::launch(stream, warps, search_bodies, question);
     if (question.smoothing > 0) gpu::launch(stream, warps, soften_poses, question);
-    gpu::launch(stream, threads, put_poses, question);
+    if (!question.is_refined_last()) gpu::launch(stream, threads, put_poses, question);
   }
 
   /// Copies the answers of a launch to the arrays of the caller in host memory.

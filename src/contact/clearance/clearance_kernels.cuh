@@ -1,6 +1,7 @@
 // Kernels of clearance on a GPU: a warp searches for the spheres of a pose as a vector of a
-// processor does, with the same text (nearest_sphere.h); then a thread refines what it has found, a
-// warp asks the bodies, and a thread writes the answers.
+// processor does, with the same text (nearest_sphere.h); then a thread refines what it has found
+// and writes the answers. With bodies, or for a smooth minimum, a warp asks them before these are
+// written.
 #pragma once
 
 #include "src/gpu/internal/warp_lanes.cuh"
@@ -12,7 +13,9 @@
 
 namespace palpate { inline namespace v0 { namespace {
 
-constexpr int kWarps = 4;  // of a block
+// Warps of a block. One: poses take very different times, and the place of a block is free only
+// when all of its warps are done.
+constexpr int kWarps = 1;
 /// Clearance of a pose that is known to be below the margin, m.
 constexpr double kBelowAll = -1e300;
 
@@ -32,6 +35,8 @@ struct Question {
   const Pose* X_WT = nullptr;
   const std::int32_t* tool_of_pose = nullptr;  // null: the first
   std::int32_t num_poses = 0;
+  ClearanceCamera* placed = nullptr;  // num_cameras of each pose
+  std::uint8_t* is_near = nullptr;    // of poses that anything may be near to
   ClearanceHit* hits = nullptr;
   Clearance* found = nullptr;
   ClearanceHit* each = nullptr;                 // of all spheres of a pose, for a smooth minimum
@@ -40,6 +45,8 @@ struct Question {
   std::uint8_t* is_within = nullptr;            // of poses, or groups; of a margin
   const std::int32_t* group_of_pose = nullptr;  // null: of poses
 
+  /// True if nothing comes after the planes: their clearance is the answer.
+  PALPATE_HOSTDEV bool is_refined_last() const { return num_bodies == 0 && !(smoothing > 0); }
   __device__ const ToolOnGpu& tool(int pose) const {
     return tools[tool_of_pose != nullptr ? tool_of_pose[pose] : 0];
   }
@@ -52,11 +59,9 @@ struct Question {
   __device__ Pose unit_pose(int pose) const {
     return {X_WT[pose].translation, normalized(X_WT[pose].rotation)};
   }
-  /// The whole warp calls.
-  __device__ void place_cameras(const Pose& X, ClearanceCamera (&to)[kMaxCameras]) const {
-    const int lane = gpu::lane_id();
-    if (lane < num_cameras) place_camera(cameras[lane], X, to[lane]);
-    __syncwarp();
+  /// The tool of a pose before all cameras.
+  __device__ ClearanceCamera* cameras_of(int pose) const {
+    return placed + std::ptrdiff_t{num_cameras} * pose;
   }
   __device__ ClearanceJob search(const ToolOnGpu& of, const Pose& X) const {
     ClearanceJob job;
@@ -67,26 +72,85 @@ struct Question {
   }
 };
 
-struct CameraScratch {
-  ClearanceCamera of_warp[kWarps][kMaxCameras];
+/// Answers of a question, and whose memory they are in.
+struct PoseAnswers {
+  SceneAnswers clearance;
+  std::uint8_t* is_within = nullptr;
+  int gpu = kHostMemory;
 };
+
+/// Calls f(array of the caller, staged one, numbers of a pose, array of the question).
+template <class F>
+void for_answers(const PoseAnswers& answers, const PoseAnswers& staged, Question& question,
+                 const F& f) {
+  const SceneAnswers &to = answers.clearance, &from = staged.clearance;
+  f(to.clearance, from.clearance, std::size_t{1}, question.out.clearance);
+  f(to.nearest, from.nearest, std::size_t{1}, question.out.nearest);
+  f(to.decided, from.decided, std::size_t{1}, question.out.decided);
+  f(to.clearance_gradient, from.clearance_gradient, std::size_t{6},
+    question.out.clearance_gradient);
+  f(answers.is_within, staged.is_within, std::size_t{1}, question.is_within);
+}
+
+/// Returns a number (m) that no sphere of a ball is clear by less than, at most `limit`.
+__device__ inline float clear_before(const ClearanceCamera& camera, const Cluster& ball,
+                                     float limit) {
+  const auto row = [&](int k) {
+    const float(&r)[3] = camera.R_CT[k];
+    return isa_warp::splat(r[0] * ball.center.x + r[1] * ball.center.y + r[2] * ball.center.z +
+                           camera.p_CT[k]);
+  };
+  return isa_warp::bound_around(*camera.field, {row(0), row(1), row(2)},
+                                isa_warp::splat(ball.reach), isa_warp::splat(limit))
+      .v;
+}
+
+/// Places the tools before all cameras, and asks whether anything may be near to the balls around
+/// them: a thread takes a pose.
+__global__ void place_poses(const __grid_constant__ Question question) {
+  const int pose = gpu::grid_thread();
+  if (pose >= question.num_poses) return;
+  bool is_near = false;
+  if (question.is_measured(pose)) {
+    const Pose X = question.unit_pose(pose);
+    const ToolOnGpu& of = question.tool(pose);
+    const float limit = question.search(of, X).limit;
+    for (int k = 0; k < question.num_cameras; ++k) {
+      ClearanceCamera camera;
+      place_camera(question.cameras[k], X, camera);
+      question.cameras_of(pose)[k] = camera;
+      is_near = is_near || camera.seen_free != nullptr ||
+                clear_before(camera, of.tool.ball, limit) < limit;
+    }
+  }
+  question.is_near[pose] = is_near ? 1 : 0;
+  question.hits[pose] = {};
+}
 
 __global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
     search_poses(const __grid_constant__ Question question) {
-  auto& cameras = gpu::shared_memory<CameraScratch>().of_warp[gpu::warp_id()];
   const int pose = static_cast<int>(blockIdx.x) * kWarps + gpu::warp_id();
-  if (pose >= question.num_poses) return;
-  if (!question.is_measured(pose)) {
-    if (gpu::lane_id() == 0) question.hits[pose] = {};
-    return;
-  }
-  const Pose X = question.unit_pose(pose);
-  question.place_cameras(X, cameras);
-  ClearanceJob job = question.search(question.tool(pose), X);
-  job.cameras = cameras;
+  if (pose >= question.num_poses || question.is_near[pose] == 0) return;
+  ClearanceJob job = question.search(question.tool(pose), question.unit_pose(pose));
+  job.cameras = question.cameras_of(pose);
   ClearanceHit hit;
   isa_warp::search_clusters(job, hit);
   if (gpu::lane_id() == 0) question.hits[pose] = hit;
+}
+
+/// Writes the answer of a pose.
+__device__ inline void put_pose(const Question& question, int pose, const Clearance& found) {
+  const bool is_measured = question.is_measured(pose);
+  if (question.is_margin == 0) {
+    return put_clearance(static_cast<std::size_t>(pose), is_measured ? found : Clearance{},
+                         question.out);
+  }
+  const bool is_hit = !is_measured || found.value < question.limit;
+  if (question.group_of_pose == nullptr) {
+    question.is_within[pose] = is_hit ? 1 : 0;
+  } else if (is_hit) {
+    question.is_within[question.group_of_pose[pose]] = 1;
+  }
 }
 
 __global__ void refine_poses(const __grid_constant__ Question question) {
@@ -103,6 +167,7 @@ __global__ void refine_poses(const __grid_constant__ Question question) {
         is_hit_within(question.cameras, of.tool, hit, question.search(of, X), X, question.limit);
     found.value = is_hit ? kBelowAll : question.limit;
   }
+  if (question.is_refined_last()) return put_pose(question, pose, found);
   question.found[pose] = found;
 }
 
@@ -167,7 +232,6 @@ __global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
 /// Puts the smooth minimum in place of the least clearance: a lane has some of the spheres.
 __global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
     soften_poses(const __grid_constant__ Question question) {
-  auto& cameras = gpu::shared_memory<CameraScratch>().of_warp[gpu::warp_id()];
   const int pose = static_cast<int>(blockIdx.x) * kWarps + gpu::warp_id();
   if (pose >= question.num_poses || !question.is_measured(pose)) return;
   Clearance& found = question.found[pose];
@@ -178,12 +242,11 @@ __global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
   SoftMinimum soft(found.value, question.limit, question.smoothing);
   if (lane > 0) soft.sum = 0;
   if (question.num_cameras > 0) {
-    question.place_cameras(X, cameras);
     ClearanceJob job = question.search(of, X);
     job = margin_job(job, question.cameras, question.num_cameras, of.tool, X, soft.reach);
     job.enough = -1e9f;
     job.deepest = static_cast<float>(question.limit);
-    job.cameras = cameras;
+    job.cameras = question.cameras_of(pose);
     job.each = question.each + std::ptrdiff_t{question.max_spheres} * pose;
     const int num = of.clusters.num_spheres;
     for (int i = lane; i < num; i += gpu::kWarpSize) job.each[i] = {job.limit};
@@ -208,19 +271,7 @@ __global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
 
 __global__ void put_poses(const __grid_constant__ Question question) {
   const int pose = gpu::grid_thread();
-  if (pose >= question.num_poses) return;
-  const bool is_measured = question.is_measured(pose);
-  const Clearance& found = question.found[pose];
-  if (question.is_margin == 0) {
-    return put_clearance(static_cast<std::size_t>(pose), is_measured ? found : Clearance{},
-                         question.out);
-  }
-  const bool is_hit = !is_measured || found.value < question.limit;
-  if (question.group_of_pose == nullptr) {
-    question.is_within[pose] = is_hit ? 1 : 0;
-  } else if (is_hit) {
-    question.is_within[question.group_of_pose[pose]] = 1;
-  }
+  if (pose < question.num_poses) put_pose(question, pose, question.found[pose]);
 }
 
 }}}  // namespace palpate::v0

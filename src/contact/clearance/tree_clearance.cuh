@@ -81,19 +81,6 @@ __global__ void place_frames(const __grid_constant__ TreeJob job) {
   }
 }
 
-/// Returns a number (m) that no sphere of a ball is clear by less than, at most `limit`.
-__device__ inline float clear_before(const ClearanceCamera& camera, const Cluster& ball,
-                                     float limit) {
-  const auto row = [&](int k) {
-    const float(&r)[3] = camera.R_CT[k];
-    return isa_warp::splat(r[0] * ball.center.x + r[1] * ball.center.y + r[2] * ball.center.z +
-                           camera.p_CT[k]);
-  };
-  return isa_warp::bound_around(*camera.field, {row(0), row(1), row(2)},
-                                isa_warp::splat(ball.reach), isa_warp::splat(limit))
-      .v;
-}
-
 __global__ void bound_links(const __grid_constant__ TreeJob job) {
   const int at = gpu::grid_thread();
   if (at >= job.num * job.num_tools) return;

@@ -341,10 +341,12 @@ void PointMeasurementCuda::describe(const ContactWants& wants) noexcept {
 }  // namespace
 
 Result<std::unique_ptr<ContactQuery>> make_contact_query_cuda(
-    std::shared_ptr<const ToolIndex> index, const ContactMethod& method, int gpu) {
+    std::shared_ptr<const ToolIndex> index, const ContactMethod& method, int gpu,
+    bool reserves_noise) {
   if (const Status status = gpu::check_gpu(gpu); !status) return status.error();
   if (const auto* field = std::get_if<FieldMethod>(&method)) {
-    auto query = std::make_unique<FieldContactCuda>(std::move(index), *field, gpu);
+    auto query =
+        std::make_unique<FieldContactCuda>(std::move(index), *field, gpu, 0, reserves_noise);
     if (const Status status = query->status(); !status) return status.error();
     return std::unique_ptr<ContactQuery>(std::move(query));
   }

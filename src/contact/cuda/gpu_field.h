@@ -1,4 +1,4 @@
-// Copies of depth fields in the memory of a GPU, or in that of the host.
+// Copies of depth fields in the memory of a GPU.
 #pragma once
 
 #include <cstdint>
@@ -14,15 +14,11 @@ namespace palpate { inline namespace v0 {
 /// with the first field of its size.
 class GpuFields {
  public:
-  explicit GpuFields(int gpu) : GpuFields(gpu, gpu) {}
+  explicit GpuFields(int gpu) : gpu_(gpu) {}
 
   /// Returns the field itself if it is on this GPU, else a copy, made in `stream` unless there is
   /// one with its stamp. A failure goes to the stream.
   DepthFieldView on_gpu(const DepthFieldView& field, gpu::Stream& stream) noexcept;
-
- protected:
-  /// `place`: the GPU, or kHostMemory for copies in page-locked memory.
-  GpuFields(int gpu, int place) : gpu_(gpu), place_(place) {}
 
  private:
   struct Copy {
@@ -38,19 +34,9 @@ class GpuFields {
   bool grow(Copy& copy, std::size_t num_pixels, std::size_t num_tiles, std::size_t num_words,
             gpu::Stream& stream);
 
-  int gpu_, place_;
+  int gpu_;
   Copy copies_[CopySlots::kNum];
   CopySlots slots_;
-};
-
-/// The same in memory of the host, for what a GPU leaves to the host.
-class HostFields : GpuFields {
- public:
-  explicit HostFields(int gpu) : GpuFields(gpu, kHostMemory) {}
-  /// As on_gpu. The copy is there when the stream has done its work.
-  DepthFieldView on_host(const DepthFieldView& field, gpu::Stream& stream) noexcept {
-    return on_gpu(field, stream);
-  }
 };
 
 }}  // namespace palpate::v0

@@ -1,7 +1,6 @@
 #include "src/contact/cuda/gpu_field.h"
 
 #include <algorithm>
-#include <type_traits>
 
 namespace palpate { inline namespace v0 {
 
@@ -16,16 +15,11 @@ bool GpuFields::grow(Copy& copy, std::size_t num_pixels, std::size_t num_tiles,
   stream.wait();  // the memory given up may still be in use
   copy = Copy{};
   copy.memory.emplace(gpu_);
-  constexpr std::size_t kReadBeyond = 64;  // bytes, by vectors of the host
-  const auto take = [&](auto*& array, std::size_t num) {
-    using T = std::remove_reference_t<decltype(*array)>;
-    array = place_ == kHostMemory ? copy.memory->take_pinned<T>(num) : copy.memory->take<T>(num);
-  };
-  take(copy.planes, 2 * num_pixels);
-  take(copy.silhouettes, 2 * num_pixels);
-  take(copy.near_silhouette, num_pixels + kReadBeyond);
-  take(copy.tiles, num_tiles);
-  take(copy.filled_behind, num_words);
+  copy.planes = copy.memory->take<float>(2 * num_pixels);
+  copy.silhouettes = copy.memory->take<Silhouette>(2 * num_pixels);
+  copy.near_silhouette = copy.memory->take<std::uint8_t>(num_pixels);
+  copy.tiles = copy.memory->take<DepthTile>(num_tiles);
+  copy.filled_behind = copy.memory->take<std::uint32_t>(num_words);
   if (const Status& status = copy.memory->status(); !status) {
     stream.fail(status.error());
     return false;
@@ -37,7 +31,7 @@ bool GpuFields::grow(Copy& copy, std::size_t num_pixels, std::size_t num_tiles,
 }
 
 DepthFieldView GpuFields::on_gpu(const DepthFieldView& field, gpu::Stream& stream) noexcept {
-  if (field.gpu == place_ || field.num_levels == 0) return field;
+  if (field.gpu == gpu_ || field.num_levels == 0) return field;
   const DepthFieldLevel& finest = field.levels[0];
   const CopySource source{field.stamp, finest.planes, field.gpu};
   const auto [slot, is_known] = slots_.choose(source);
@@ -78,7 +72,7 @@ DepthFieldView GpuFields::on_gpu(const DepthFieldView& field, gpu::Stream& strea
         copy.near_silhouette + before + (level.near_silhouette - finest.near_silhouette);
   }
   view.tiles = copy.tiles;
-  view.gpu = place_;
+  view.gpu = gpu_;
   return view;
 }
 

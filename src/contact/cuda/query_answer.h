@@ -75,6 +75,7 @@ class AnswerBox {
   bool await(gpu::Stream& stream) noexcept;
   QueryAnswer answer() const;
   StiffnessSums stiffness() const;
+  const double* numbers() const { return numbers_; }
 
   const Status& status() const { return memory_.status(); }
   int num_blocks() const { return num_blocks_; }

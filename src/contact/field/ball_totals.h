@@ -96,28 +96,15 @@ struct BallSamples {
   bool is_complete = true;        ///< every part has a value
 };
 
-/// Keeps what the values of a ball's parts change: each cuts its own disc, and by the plane of all
-/// of them those of the others. `changes`: of force and torque by a unit of volume.
+/// Keeps what the values of a ball's parts change; see set_ball_changes.
 inline void keep_ball(NoiseWriter& noise, const BallSamples& at, const BallPlane<Row, float>& plane,
                       float scale, const Row (&weights)[5], const Row& is_part,
                       const Row (&changes)[6], const Row& volumes, const Row& discs) {
-  const SumOfRow sum;
-  Row by_value[kNumChanges];
-  for (int k = 0; k < kNumChanges; ++k) {
-    by_value[k] = k == 0 ? discs : discs * changes[k - 1];
-    if (!plane.is_plane) continue;
-    float X[5];
-    for (int i = 0; i < 5; ++i)
-      X[i] = scale * sum(weights[i] * (k == 0 ? is_part : changes[k - 1]));
-    for (int i = 0; i < 5; ++i) {
-      float moment = 0;
-      for (int j = 0; j < 5; ++j) moment += plane.form[i][j] * X[j];
-      by_value[k] = by_value[k] + weights[i] * moment;
-    }
-  }
+  Row by_field[kNumChanges];
+  set_ball_changes(plane, scale, weights, is_part, changes, discs, SumOfRow(), by_field);
   for (int i = 0; i < kNumVectors; ++i) {
     VecF change[kNumChanges];
-    for (int k = 0; k < kNumChanges; ++k) change[k] = by_value[k].vectors[i];
+    for (int k = 0; k < kNumChanges; ++k) change[k] = by_field[k].vectors[i];
     noise.keep(at.lanes[i], at.place[i], volumes.vectors[i], change,
                {changes[0].vectors[i], changes[1].vectors[i], changes[2].vectors[i]});
   }

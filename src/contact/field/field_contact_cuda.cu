@@ -56,6 +56,7 @@ __global__ void __launch_bounds__(kThreadsOf<Sample>, 3)
   const ElementsView& elements = query.elements;
   FieldShare share;
   StiffnessShare stiffness;
+  NoNoise noise;
   const int num_warps = gpu::grid_threads() / gpu::kWarpSize;
   for (int begin = gpu::grid_thread() / gpu::kWarpSize; begin < elements.num_clusters;
        begin += gpu::kWarpSize * num_warps) {
@@ -69,7 +70,7 @@ __global__ void __launch_bounds__(kThreadsOf<Sample>, 3)
       }
       add_clusters<Sample, true, true>(elements, field, kNumFields > 1 ? field.weight : 1.0f,
                                        k == kNumFields - 1, begin, num_warps, query.max_tiles,
-                                       share, &stiffness);
+                                       share, &stiffness, noise);
     }
   }
   finish<Sample>(out, share, stiffness);
@@ -119,11 +120,12 @@ __device__ void add_together(const ElementsView& elements, const FieldLook& fiel
   __syncthreads();
   if (gpu::warp_id() == 0) {
     const auto sample = deepest<Sample>(e.radius, [&](int step) { return shared.load(step); });
+    NoNoise noise;
     if (cluster >= elements.first_ball) {
       add_ball(field, elements.places, elements.ball_factor[cluster] * weight, e, at, sample, share,
-               sums);
+               sums, noise);
     } else if (e.p[2] > kMinDepth) {
-      add_sample(field, e, at, sample, share, sums);
+      add_sample(field, e, at, sample, share, sums, noise);
     }
   }
   __syncthreads();
@@ -231,7 +233,8 @@ int measure_blocks(int gpu, int num_clusters, int num_blocks) {
 }  // namespace
 
 FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
-                                   const FieldMethod& method, int gpu, int num_blocks)
+                                   const FieldMethod& method, int gpu, int num_blocks,
+                                   bool reserves_noise)
     : ContactQuery(std::move(index), method),
       center_of_mass_(this->index()->tool().sphere_mass().center_of_mass),
       num_spheres_(static_cast<int>(this->index()->tool().spheres().size())),
@@ -249,7 +252,9 @@ FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
       deciders_(memory_.take<std::int8_t>(static_cast<std::size_t>(num_spheres_))),
       unseen_(memory_.take<std::uint8_t>(static_cast<std::size_t>(num_spheres_))),
       unseen_volume_(memory_.take_pinned<double>(1)),
-      hull_(std::make_unique<DepthHullCuda>(field_tool_, center_of_mass_, num_spheres_, gpu)) {}
+      hull_(std::make_unique<DepthHullCuda>(field_tool_, center_of_mass_, num_spheres_, gpu)) {
+  if (reserves_noise) (void)noise();
+}
 
 ContactResult FieldContactCuda::measure_hull(std::span<const SurfaceBlend> cameras,
                                              const Pose& X_WT,
@@ -258,16 +263,17 @@ ContactResult FieldContactCuda::measure_hull(std::span<const SurfaceBlend> camer
   ContactResult result =
       hull_->measure(cameras, X_WT, wants, {states_, planes_, deciders_, unseen_}, stream_);
   if (wants.noise && !result.penetration.status.is_unmeasured()) {
-    result.noise = noise().of_hull(cameras, X_WT, stream_);
+    result.noise = noise().of_cameras(hull_->cameras(), stream_);
+    if (!status()) return unmeasured(StepStatus::backend_failed, wants, true);
   }
   return result;
 }
 
-NoiseOnHost& FieldContactCuda::noise() const {
-  if (noise_ == nullptr) {
-    noise_ = std::make_unique<NoiseOnHost>(index(), std::get<FieldMethod>(method()), memory_.gpu());
-  }
-  return *noise_;
+std::optional<MeasureNoise> FieldContactCuda::noise_against(const FieldQuestion& question,
+                                                            int field) const noexcept {
+  const DepthFieldView& of = question.fields[field];
+  if (of.num_levels == 0) return MeasureNoise{};
+  return noise().of_field(of, frame_of(of.intrinsics, question.X_WT, center_of_mass_), stream_);
 }
 
 double FieldContactCuda::unseen_by_one(const SurfaceView& surface, const Pose& X_CT,
@@ -296,6 +302,7 @@ const Status& FieldContactCuda::status() const {
        {&memory_.status(), &answers_.status(), &stiffness_answers_.status(), &hull_->status()}) {
     if (!*status) return *status;
   }
+  if (noise_ != nullptr && !noise_->status()) return noise_->status();
   return stream_.status();
 }
 
@@ -323,10 +330,10 @@ ContactResult FieldContactCuda::measure_one(const SurfaceView& from, const Surfa
                              : evaluate<1, Gradient>(question, answers_);
   }
   describe(question.fields[alpha < 1 ? 1 : 0], question.X_WT, wants);
-  if (wants.noise && result.penetration.status.is_unmeasured()) {
-    result.noise.emplace();
-  } else if (wants.noise) {
-    result.noise = noise().of_one(from, to, alpha, X_WT, stream_);
+  if (wants.noise) {
+    result.noise = alpha < 1 ? blend(noise_against(question, 0), noise_against(question, 1), alpha)
+                             : noise_against(question, 0);
+    if (!status()) return unmeasured(StepStatus::backend_failed, wants, true);
   }
   return result;
 }

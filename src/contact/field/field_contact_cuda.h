@@ -2,12 +2,13 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "src/contact/cuda/gpu_field.h"
-#include "src/contact/cuda/noise_on_host.h"
 #include "src/contact/cuda/query_answer.h"
 #include "src/contact/field/field_tool_cuda.h"
 #include "src/contact/hull/depth_hull_cuda.h"
+#include "src/contact/noise/measure_noise_cuda.h"
 #include "src/gpu/internal/runtime.h"
 
 namespace palpate { inline namespace v0 {
@@ -23,13 +24,14 @@ struct FieldQuestion {
 /// construction, but that of copies of fields that lie elsewhere: with the first field of its size.
 class FieldContactCuda final : public ContactQuery {
  public:
-  /// `num_blocks`: largest number for a large tool; 0: as many as run at once.
+  /// `num_blocks`: largest number for a large tool; 0: as many as run at once. `reserves_noise`:
+  /// see ExecutionOptions.
   FieldContactCuda(std::shared_ptr<const ToolIndex> index, const FieldMethod& method, int gpu,
-                   int num_blocks = 0);
+                   int num_blocks = 0, bool reserves_noise = false);
 
   using ContactQuery::measure;
   /// As FieldContact, to 1e-5 of its results, in one launch; the same bits on every run. With a
-  /// stiffness other blocks add up: results then differ by rounding. The noise is told by the host.
+  /// stiffness other blocks add up: results then differ by rounding. Noise takes two more launches.
   ContactResult measure_one(const SurfaceView& from, const SurfaceView& to, double alpha,
                             const Pose& X_WT, const ContactWants& wants) const noexcept override;
 
@@ -48,8 +50,14 @@ class FieldContactCuda final : public ContactQuery {
   ContactResult evaluate(const FieldQuestion& question, AnswerBox& answers) const noexcept;
   void describe(const DepthFieldView& field, const Pose& X_WT,
                 const ContactWants& wants) const noexcept;
-  /// Returns what tells the noise; the first call allocates.
-  NoiseOnHost& noise() const;
+  /// Returns the noise against a field of a question. None: it is unknown.
+  std::optional<MeasureNoise> noise_against(const FieldQuestion& question,
+                                            int field) const noexcept;
+  /// Returns what measures the noise; the first call allocates.
+  MeasureNoiseCuda& noise() const {
+    if (noise_ == nullptr) noise_ = std::make_unique<MeasureNoiseCuda>(field_tool_, memory_.gpu());
+    return *noise_;
+  }
 
   Vec3d center_of_mass_;
   int num_spheres_;
@@ -65,7 +73,7 @@ class FieldContactCuda final : public ContactQuery {
   std::uint8_t* unseen_;
   double* unseen_volume_;  // m3, in host memory
   std::unique_ptr<DepthHullCuda> hull_;
-  mutable std::unique_ptr<NoiseOnHost> noise_;
+  mutable std::unique_ptr<MeasureNoiseCuda> noise_;
 };
 
 }}  // namespace palpate::v0

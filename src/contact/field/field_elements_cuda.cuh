@@ -8,6 +8,7 @@
 #include "src/contact/field/field_tool_cuda.h"
 #include "src/contact/internal/ball_cut.h"
 #include "src/contact/internal/hull_rules.h"
+#include "src/contact/noise/noise_keeper.cuh"
 #include "src/field/internal/deep_query.h"
 #include "src/gpu/internal/team.cuh"
 
@@ -180,32 +181,38 @@ __device__ inline Gradient3<float> add_cut(const Element& e, float phi, const Cu
   return n;
 }
 
-// Adds an element that touches a surface.
-template <bool kWithStiffness>
+// Adds an element that touches a surface, where `noise` has looked at it.
+template <bool kWithStiffness, class Noise>
 __device__ inline void add_cut(const Element& e, float phi, const Gradient3<float>& gradient,
-                               const Symmetric<float>& h, FieldShare& sum, StiffnessShare* sums) {
-  add_cut<kWithStiffness>(e, phi, cut_ball(e.radius, e.factor, phi),
-                          cut_area(e.radius, e.factor, phi), gradient, h, sum, sums);
+                               const Symmetric<float>& h, FieldShare& sum, StiffnessShare* sums,
+                               Noise& noise) {
+  const CutBall<float> cut = cut_ball(e.radius, e.factor, phi);
+  const float disc = cut_area(e.radius, e.factor, phi);
+  const Gradient3<float> n = add_cut<kWithStiffness>(e, phi, cut, disc, gradient, h, sum, sums);
+  noise.note(e.lever, cut.volume, disc, n);
   if (e.is_counted) ++(phi <= -e.radius ? sum.num_inside : sum.num_boundary);
 }
 
 // Adds an element by its sample, if it touches. `sums` is null if Sample is a Gradient.
-template <class Sample>
+template <class Sample, class Noise>
 __device__ void add_sample(const FieldLook& field, const Element& e, const ElementLook& at,
-                           const Sample& sample, FieldShare& sum, StiffnessShare* sums) {
+                           const Sample& sample, FieldShare& sum, StiffnessShare* sums,
+                           Noise& noise) {
   if (!(first_of(sample).phi < e.radius)) return;
   const auto here = in_space(field.frame, at, sample);
   const SpaceGradient<float>& g = first_of(here);
-  add_cut<std::is_same_v<Sample, Curvature>>(e, g.phi, {g.x, g.y, g.z}, second_of(here), sum, sums);
+  noise.look(field.frame, at, e.radius);
+  add_cut<std::is_same_v<Sample, Curvature>>(e, g.phi, {g.x, g.y, g.z}, second_of(here), sum, sums,
+                                             noise);
 }
 
 // Adds an element against one field. `sums` is null if Sample is a Gradient.
-template <class Sample>
+template <class Sample, class Noise>
 __device__ void add_element(const FieldLook& field, const Element& e, FieldShare& sum,
-                            StiffnessShare* sums) {
+                            StiffnessShare* sums, Noise& noise) {
   if (!(e.p[2] > kMinDepth)) return;
   const ElementLook at = look_at(field.frame, e.p);
-  add_sample(field, e, at, query_deep<Sample>(field, at, e.radius), sum, sums);
+  add_sample(field, e, at, query_deep<Sample>(field, at, e.radius), sum, sums, noise);
 }
 
 /// Adds the sums of a thread.

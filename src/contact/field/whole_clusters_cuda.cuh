@@ -27,11 +27,13 @@ struct KeptSums {
 };
 
 /// Adds the ball of a cluster, of which `share` counts, where the field is as given in W. Elements
-/// are kept with `weight`, as the ball counts. `polar`: WholeClusters::polar, likewise.
-template <bool kWithStiffness>
+/// are kept with `weight`, as the ball counts. `polar`: WholeClusters::polar, likewise. `noise` has
+/// looked at the ball.
+template <bool kWithStiffness, class Noise>
 __device__ void add_whole(const Element& e, float polar, const Curved<float>& share,
                           const KeptSums& kept, const SpaceGradient<float>& g,
-                          const Symmetric<float>& h, FieldShare& sum, StiffnessShare* sums) {
+                          const Symmetric<float>& h, FieldShare& sum, StiffnessShare* sums,
+                          Noise& noise) {
   const Gradient3<float> gradient{g.x, g.y, g.z};
   const float all = e.factor * (static_cast<float>(4 * kPi / 3) * e.radius * e.radius * e.radius);
   const WholeTerms<float> terms = whole_terms(share, all, g.phi, kept.potential);
@@ -46,6 +48,7 @@ __device__ void add_whole(const Element& e, float polar, const Curved<float>& sh
     sum.force[axis] += terms.push * J[axis];
     sum.torque[axis] += terms.push * J[axis + 3];
   }
+  noise.note(l, terms.volume, 0, n);  // the volume of a ball that lies deep does not change
   if constexpr (kWithStiffness) {
     float numbers[StiffnessSums::kNum];
     stiffness_terms<float>({l[0], l[1], l[2]}, terms.push, terms.disc, share.value * polar, n,
@@ -60,11 +63,11 @@ __device__ void add_whole(const Element& e, float polar, const Curved<float>& sh
 /// `weight` times, and as spheres if this is `counted`. Clusters that cover no more than
 /// `max_tiles` tiles are left out if these are all in front. `sums` is null if Sample is a
 /// Gradient. `kHasWholes`: clusters may count as one ball. `kMayBeAlone`: a warp that has one
-/// cluster samples its ball by all lanes. The whole warp calls.
-template <class Sample, bool kHasWholes, bool kMayBeAlone = false>
+/// cluster samples its ball by all lanes. `noise`: a NoiseKeeper or NoNoise. The whole warp calls.
+template <class Sample, bool kHasWholes, bool kMayBeAlone = false, class Noise>
 __device__ void add_clusters(const ElementsView& elements, const FieldLook& field, float weight,
                              bool counted, int begin, int step, int max_tiles, FieldShare& share,
-                             StiffnessShare* sums) {
+                             StiffnessShare* sums, Noise& noise) {
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   const bool is_alone = kMayBeAlone && begin + step >= elements.num_clusters;
   const int mine = begin + gpu::lane_id() * step;
@@ -96,20 +99,23 @@ __device__ void add_clusters(const ElementsView& elements, const FieldLook& fiel
     element.is_counted = element.is_counted && counted;
     FieldShare of_cluster;
     if (cluster < elements.first_ball) {
-      add_element<Sample>(field, element, of_cluster, sums);
+      add_element<Sample>(field, element, of_cluster, sums, noise);
     } else {
       // Arguments of a call lie in memory: these do, and not those of other clusters.
       const Element of_ball = element;
       FieldShare sum;
       StiffnessShare numbers;
+      Noise own = noise;
       add_ball<Sample>(field, elements.places, elements.ball_factor[cluster] * weight, of_ball, sum,
-                       &numbers);
+                       &numbers, own);
       of_cluster = sum;
+      noise = own;
       if constexpr (kWithStiffness) {
 #pragma unroll
         for (int k = 0; k < StiffnessSums::kNum; ++k) sums->numbers[k] += numbers.numbers[k];
       }
     }
+    noise.keep();
     share.add(of_cluster);
     if (kHasWholes && left < 1.0f) {
       KeptSums all;
@@ -117,20 +123,25 @@ __device__ void add_clusters(const ElementsView& elements, const FieldLook& fiel
       if (gpu::lane_id() == lane) kept = all;
     }
   }
-  if (!kHasWholes || !(whole > 0.0f)) return;
-  const ElementLook at = look_at(field.frame, ball.p);
-  Sample sample;
-  if constexpr (kWithStiffness) {
-    sample = query_deep<Sample>(field, at, ball.radius);
-  } else {
-    sample = at_ball;
+  if (kHasWholes && whole > 0.0f) {
+    const ElementLook at = look_at(field.frame, ball.p);
+    Sample sample;
+    if constexpr (kWithStiffness) {
+      sample = query_deep<Sample>(field, at, ball.radius);
+    } else {
+      sample = at_ball;
+    }
+    const auto here = in_space(field.frame, at, sample);
+    const SpaceGradient<float>& g = first_of(here);
+    const Curved<float> part = whole_share(g.phi, elements.whole_depths[mine]);
+    noise.look(field.frame, at, ball.radius);
+    add_whole<kWithStiffness>(ball, weight * elements.whole_polars[mine], part, kept, g,
+                              second_of(here), share, sums, noise);
+    if (!(whole < 1.0f) && counted) {
+      share.num_inside += static_cast<int>(elements.whole_counts[mine]);
+    }
   }
-  const auto here = in_space(field.frame, at, sample);
-  const SpaceGradient<float>& g = first_of(here);
-  const Curved<float> part = whole_share(g.phi, elements.whole_depths[mine]);
-  add_whole<kWithStiffness>(ball, weight * elements.whole_polars[mine], part, kept, g,
-                            second_of(here), share, sums);
-  if (!(whole < 1.0f) && counted) share.num_inside += static_cast<int>(elements.whole_counts[mine]);
+  if (kHasWholes) noise.keep();
 }
 
 }}}  // namespace palpate::v0

@@ -26,9 +26,10 @@ __global__ void __launch_bounds__(kHullThreads, 2)
                           const bool skips_clusters, const __grid_constant__ MeasureOutput out) {
   FieldShare share;
   StiffnessShare stiffness;
+  NoNoise noise;
   add_hull_elements(query, tool, static_cast<int>(blockIdx.x), static_cast<int>(gridDim.x),
                     skips_clusters, gpu::shared_memory<ViewScratch<kMaxViews, Sample>>(), share,
-                    stiffness);
+                    stiffness, noise);
   MeasureTerms mine;
   add_share(share, mine);
   auto& scratch = gpu::shared_memory<FinishScratchFor<Sample>>();

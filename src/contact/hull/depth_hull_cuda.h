@@ -32,6 +32,9 @@ class DepthHullCuda {
                         const ContactWants& wants, const SphereCutsOnGpu& cuts,
                         gpu::Stream& stream) noexcept;
 
+  /// Returns the cameras of the last measurement.
+  const HullCameras& cameras() const { return *cameras_; }
+
   /// Returns the first failure.
   const Status& status() const;
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <span>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "src/contact/field/unseen_by_one.cuh"
 #include "src/contact/hull/camera_seats.h"
 #include "src/contact/hull/hull_views.cuh"
+#include "src/contact/noise/noise_model.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -41,6 +43,9 @@ class HullCameras {
   }
 
   int num() const { return num_; }
+  const HullEye* eyes() const { return eyes_; }
+  /// Noise of each of them. Of a blend both frames count.
+  const SurfaceNoise* noises() const { return noises_; }
   /// A surface of a camera by itself that was taken.
   OneCamera one_camera(const SurfaceView& surface, gpu::Stream& stream) {
     const bool is_memory = surface.role == SurfaceRole::with_memory;
@@ -81,6 +86,8 @@ class HullCameras {
     const auto look = [&](GpuFields& copy, const DepthFieldView& of) {
       return look_of(copy.on_gpu(of, stream), frame_of(to.field.intrinsics, {}, {}), 1);
     };
+    const double newer = seats.num_moments == 2 ? view.progress : 1;
+    noises_[num_] = noise_of(to.field, std::hypot(newer, 1 - newer));
     HullEye& eye = eyes_[num_++] = {};
     eye.number = number;
     eye.num_fields = seats.num_moments;
@@ -106,6 +113,7 @@ class HullCameras {
   std::vector<GpuFields> copies_;  // four per camera, in the order of SurfaceView
   HullEye eyes_[kMaxCameras];
   FieldFrame in_eyes_[kMaxCameras][2];  // by seat
+  SurfaceNoise noises_[kMaxCameras];
   FieldFrame in_world_;
   int num_ = 0, num_seeing_ = 0;
   bool is_alone_ = false, has_memory_ = false;

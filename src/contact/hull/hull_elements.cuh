@@ -73,13 +73,32 @@ __device__ Joined<InSpace<Sample>> query_hull(const HullQuery<kMaxViews>& query,
   return at_ball;
 }
 
+/// Lets `noise` look at the ball of each lane from the camera that decides it.
+template <int kMaxViews, class Noise>
+__device__ void look_from_decider(const HullQuery<kMaxViews>& query,
+                                  const PosedTool<kMaxViews>& tool, int decider, const Ball& ball,
+                                  Noise& noise) {
+  if constexpr (Noise::kWants) {
+    if (decider < 0) {
+      noise.look_away();
+      return;
+    }
+    const FieldFrame& frame = tool.in_eyes[decider][0];
+    float p[3];
+    place(frame, ball, p);
+    p[2] = p[2] > kMinDepth ? p[2] : kMinDepth;
+    noise.look(frame, look_at(frame, p), ball.radius, query.eyes[decider].R_WC[0], decider);
+  }
+}
+
 /// Adds every `step`-th cluster from `first` on, and leaves out those that a camera sees to be free
-/// if it `skips_clusters`: that pays if the block has several. The whole block calls.
-template <int kMaxViews, class Sample>
+/// if it `skips_clusters`: that pays if the block has several. `noise`: a NoiseKeeper, of which
+/// that of the first warp is used, or NoNoise. The whole block calls.
+template <int kMaxViews, class Sample, class Noise>
 __device__ void add_hull_elements(const HullQuery<kMaxViews>& query,
                                   const PosedTool<kMaxViews>& tool, int first, int step,
                                   bool skips_clusters, ViewScratch<kMaxViews, Sample>& views,
-                                  FieldShare& share, StiffnessShare& stiffness) {
+                                  FieldShare& share, StiffnessShare& stiffness, Noise& noise) {
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   const ElementsView& elements = tool.elements;
   const auto add_unseen = [&](const Joined<InSpace<Sample>>& at, float factor, float radius) {
@@ -92,11 +111,13 @@ __device__ void add_hull_elements(const HullQuery<kMaxViews>& query,
     const int num_wholes = elements.first_ball >= kMinWholes ? elements.first_ball : 0;
     Joined<InSpace<Sample>> at_whole{};
     Curved<float> whole{};
+    Ball of_whole{};
     KeptSums kept;
     if (begin < num_wholes) {
       const ElementBall of = elements.wholes[mine < num_wholes ? mine : begin];
+      of_whole = {of.x, of.y, of.z, of.radius, of.radius};
       at_whole = query_hull<Sample>(
-          query, tool, Ball{of.x, of.y, of.z, of.radius, of.radius},
+          query, tool, of_whole,
           [&](int view) { return query.eyes[eye_of(query, view)].has_in_front; }, views);
       if (mine < num_wholes && gpu::warp_id() == 0) {
         whole = whole_share(first_of(at_whole.hull).phi, elements.whole_depths[mine]);
@@ -132,13 +153,17 @@ __device__ void add_hull_elements(const HullQuery<kMaxViews>& query,
       const bool is_touching = g.phi < ball.radius;
       const Symmetric<float> h = second_of(at_ball.hull);
       FieldShare of_cluster;
+      look_from_decider(query, tool, at_ball.decider, ball, noise);
       if (is_ball) {
+        Noise own = noise;
         add_ball<kWithStiffness>(elements.places, elements.ball_factor[cluster], element, g.phi,
                                  is_touching, is_complete(query, tool, ball), {g.x, g.y, g.z}, h,
-                                 of_cluster, &stiffness);
+                                 of_cluster, &stiffness, own);
+        noise = own;
       } else if (is_touching) {
-        add_cut<kWithStiffness>(element, g.phi, {g.x, g.y, g.z}, h, of_cluster, &stiffness);
+        add_cut<kWithStiffness>(element, g.phi, {g.x, g.y, g.z}, h, of_cluster, &stiffness, noise);
       }
+      noise.keep();
       share.add(of_cluster);
       if (left < 1.0f) {
         KeptSums all;
@@ -149,12 +174,14 @@ __device__ void add_hull_elements(const HullQuery<kMaxViews>& query,
     if (whole.value > 0.0f) {
       const Element element =
           element_of(elements.wholes[mine], elements.whole_factors[mine], tool.in_world);
+      look_from_decider(query, tool, at_whole.decider, of_whole, noise);
       add_whole<kWithStiffness>(element, elements.whole_polars[mine], whole, kept,
                                 first_of(at_whole.hull), second_of(at_whole.hull), share,
-                                &stiffness);
+                                &stiffness, noise);
       add_unseen(at_whole, whole.value * element.factor, element.radius);
       if (!(whole.value < 1.0f)) share.num_inside += static_cast<int>(elements.whole_counts[mine]);
     }
+    if (gpu::warp_id() == 0) noise.keep();
     __syncthreads();
   }
 }

@@ -11,6 +11,7 @@
 // the same pixels are correlated, and so are those within the length of the noise.
 #pragma once
 
+#include "palpate/math/geometry.h"
 #include "src/contact/noise/noise_model.h"
 #include "src/contact/noise/noise_rows.h"
 #include "src/field/internal/field_sample.h"
@@ -83,6 +84,45 @@ PALPATE_HOSTDEV inline NodeWeights node_weights(float pixel, int begin, float sc
   return {node - 1,
           {0.5f * a * a, 0.75f - t * t, 0.5f * b * b},
           {-a * scale, -2 * t * scale, b * scale}};
+}
+
+/// Returns the window of the nodes of the next wider level.
+PALPATE_HOSTDEV inline CellWindow wider_nodes(const CellWindow& finer) {
+  return {finer.level + 1, (finer.left - 1) >> 1, (finer.top - 1) >> 1, (finer.right + 1) >> 1,
+          (finer.bottom + 1) >> 1};
+}
+/// Calls f(weight, u, v) for the nodes of a window whose B-splines add up to that of node (u, v) of
+/// the next wider level.
+template <class F>
+PALPATE_HOSTDEV inline void for_finer_nodes(const CellWindow& finer, int u, int v, const F& f) {
+  constexpr int num = 4;  // each way
+  const auto weight = [](int i) { return i == 0 || i == num - 1 ? 0.25f : 0.75f; };
+  const int left = 2 * u - 1, top = 2 * v - 1;
+  const auto first = [](int begin, int least) { return begin < least ? least - begin : 0; };
+  const auto end = [](int begin, int most) { return begin + num > most ? most + 1 - begin : num; };
+  const int first_p = first(left, finer.left), end_p = end(left, finer.right);
+  const int end_q = end(top, finer.bottom);
+  for (int q = first(top, finer.top); q < end_q; ++q) {
+    for (int p = first_p; p < end_p; ++p) f(weight(q) * weight(p), left + p, top + q);
+  }
+}
+
+/// Adds the variance of one scale: `squares` of the numbers of a node, and `products` of each with
+/// the next axis.
+template <class Real>
+PALPATE_HOSTDEV inline void add_variances(const Real* squares, const Real* products, float variance,
+                                          MeasureNoise& to) {
+  const auto times = [&](Real sum) {
+    return static_cast<double>(variance) * static_cast<double>(sum);
+  };
+  to.volume += times(squares[0]);
+  for (int axis = 0; axis < 3; ++axis) {
+    const int next = (axis + 1) % 3;
+    to.force.m[axis][axis] += times(squares[1 + axis]);
+    to.torque.m[axis][axis] += times(squares[4 + axis]);
+    to.force.m[axis][next] = to.force.m[next][axis] += times(products[1 + axis]);
+    to.torque.m[axis][next] = to.torque.m[next][axis] += times(products[4 + axis]);
+  }
 }
 
 /// Changes by an element for each meter of depth at its place, and for each meter per pixel.

@@ -66,22 +66,13 @@ struct NodeGrid {
   /// Becomes the grid of the next wider level.
   void widen_from(const NodeGrid& finer) {
     const CellWindow& from = finer.window;
-    const auto halved = [](int cell) { return cell >> 1; };
-    clear({from.level + 1, halved(from.left - 1), halved(from.top - 1), halved(from.right + 1),
-           halved(from.bottom + 1)});
-    constexpr float weight[4] = {0.25f, 0.75f, 0.75f, 0.25f};
-    for (int v = from.top; v <= from.bottom; ++v) {
-      for (int u = from.left; u <= from.right; ++u) {
-        const Numbers node = finer.nodes[v - from.top][u - from.left];
-        // A cell belongs to its own wider one and to the one on its other side.
-        for (int q = 0; q < 2; ++q) {
-          const int row = ((v - 1) >> 1) + q, child_v = v - 2 * row + 1;
-          for (int p = 0; p < 2; ++p) {
-            const int column = ((u - 1) >> 1) + p, child_u = u - 2 * column + 1;
-            nodes[row - window.top][column - window.left] +=
-                (weight[child_v] * weight[child_u]) * node;
-          }
-        }
+    clear(wider_nodes(from));
+    for (int v = window.top; v <= window.bottom; ++v) {
+      for (int u = window.left; u <= window.right; ++u) {
+        Numbers& node = nodes[v - window.top][u - window.left];
+        for_finer_nodes(from, u, v, [&](float weight, int p, int q) {
+          node += weight * finer.nodes[q - from.top][p - from.left];
+        });
       }
     }
   }
@@ -112,20 +103,20 @@ void add_measure_noise(const NoiseSums& sums, int camera, const NoiseCamera& vie
   const float scale = 1 / static_cast<float>(1 << grids[now].window.level);
   for_elements(sums, camera, [&](std::ptrdiff_t i) { grids[now].add(sums.rows, i, view, scale); });
   NoiseScales scales = noise_scales(*field.noise, reach.depth / reach.weight);
-  place_scales(field, grids[now].window, scales);
+  const FieldGrid grid = grid_of(field);
+  const FieldPixels pixels = pixels_of(field);
+  const auto left_of = [&](const CellWindow& window, float variance) {
+    return noise_left(grid, pixels, window, variance);
+  };
+  place_scales(grids[now].window, left_of, scales);
   const int first = grids[now].window.level;
-  if (first >= kNumNoiseLevels - 1) {
-    grids[now].add_squares(scales.variance[kNumNoiseLevels - 1] *
-                               static_cast<float>(1.0 / (1 << 2 * (first - kNumNoiseLevels + 1))),
-                           to);
-    return;
-  }
-  for (int level = first; level < kNumNoiseLevels; ++level) {
+  for (int level = first; level < first + num_noise_grids(first); ++level) {
     if (level > first) {
       grids[1 - now].widen_from(grids[now]);
       now = 1 - now;
     }
-    if (scales.variance[level] > 0) grids[now].add_squares(scales.variance[level], to);
+    const float variance = node_variance(scales, level);
+    if (variance > 0) grids[now].add_squares(variance, to);
   }
 }
 

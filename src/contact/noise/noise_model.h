@@ -8,10 +8,26 @@
 // The scales that are left at a place are seen in the field itself. Shared by host and device.
 #pragma once
 
-#include "palpate/field/depth_field.h"
 #include "src/cloud/internal/frame_noise.h"
+#include "src/field/internal/field_sampler.h"
 
 namespace palpate { inline namespace v0 {
+
+/// The noise of a surface, as a GPU reads it.
+struct SurfaceNoise {
+  FrameNoise frame;
+  std::int32_t is_known = 0;
+  float share = 1;  ///< that counts, of a blend of two frames
+
+  friend bool operator==(const SurfaceNoise&, const SurfaceNoise&) = default;
+};
+inline SurfaceNoise noise_of(const DepthFieldView& field, double share = 1) {
+  SurfaceNoise noise;
+  if (field.noise != nullptr) noise.frame = *field.noise;
+  noise.is_known = field.noise != nullptr;
+  noise.share = static_cast<float>(share);
+  return noise;
+}
 
 /// Variances of the noise of all scales, m2 of depth.
 struct NoiseScales {
@@ -46,43 +62,78 @@ struct CellWindow {
   int left = 0, top = 0, right = 0, bottom = 0;  ///< first ones, and last ones
 };
 
-/// Returns the share of a level's noise that the field shows in a window: the mean square of second
-/// differences of inverse depth, limited as edges and shape are not noise. `variance`: the noise of
-/// the level's cells.
-PALPATE_HOSTDEV inline float noise_left(const DepthFieldView& field, const CellWindow& window,
-                                        float variance) {
-  constexpr int max_steps = 8;          // cells each way
-  constexpr float limit = 4;            // variances
-  constexpr float normal_mean = 0.92f;  // of a limited square of noise
-  if (window.level >= field.num_levels) return 1;
-  const DepthFieldLevel& level = field.levels[window.level];
-  const auto inverse_depth = [&](std::ptrdiff_t pixel) {
-    const float offset = level.planes[2 * pixel];
-    return offset > 0 ? level.planes[2 * pixel + 1] / offset : 0.0f;
-  };
-  const auto step_over = [](int first, int last) { return 1 + (last - first) / max_steps; };
-  const int step_u = step_over(window.left, window.right);
-  const int step_v = step_over(window.top, window.bottom);
+/// Returns the window of the next wider level that holds all of its cells.
+PALPATE_HOSTDEV inline CellWindow wider_cells(const CellWindow& window) {
+  return {window.level + 1, window.left >> 1, window.top >> 1, window.right >> 1,
+          window.bottom >> 1};
+}
+
+/// The cells of a window at which the field is looked at: some in each row, and as many rows.
+struct LookedCells {
+  static constexpr int kMaxSteps = 8;  ///< each way
+
+  CellWindow window;
+  int step_u, step_v, num_u, num;
+
+  PALPATE_HOSTDEV explicit LookedCells(const CellWindow& of) : window(of) {
+    step_u = 1 + (window.right - window.left) / kMaxSteps;
+    step_v = 1 + (window.bottom - window.top) / kMaxSteps;
+    num_u = 1 + (window.right - window.left) / step_u;
+    num = num_u * (1 + (window.bottom - window.top) / step_v);
+  }
+};
+
+/// Sums over the second differences of inverse depth that a field shows.
+struct SeenBends {
   float sum = 0, num = 0;
-  for (int v = window.top; v <= window.bottom; v += step_v) {
-    for (int u = window.left; u <= window.right; u += step_u) {
-      if (u < 1 || v < 1 || u >= level.width - 1 || v >= level.height - 1) continue;
-      const std::ptrdiff_t pixel = std::ptrdiff_t{v} * level.stride + u;
-      const float at = inverse_depth(pixel);
-      if (!(at > 0)) continue;
-      const float scale = 1 / (6 * variance * at * at * at * at);
-      const std::ptrdiff_t steps[] = {1, level.stride};
-      for (const std::ptrdiff_t apart : steps) {
-        const float before = inverse_depth(pixel - apart), after = inverse_depth(pixel + apart);
-        if (!(before > 0) || !(after > 0)) continue;
-        const float bend = before + after - 2 * at, square = bend * bend * scale;
-        sum += square < limit ? square : limit;
-        num += 1;
-      }
+
+  /// Adds those at one of the cells, as shares of what noise of this variance would show. Limited,
+  /// as edges and shape are not noise.
+  PALPATE_HOSTDEV void add(const FieldGrid& grid, const FieldPixels& pixels,
+                           const LookedCells& cells, int number, float variance) {
+    constexpr float limit = 4;
+    const int level = cells.window.level;
+    const int u = cells.window.left + cells.step_u * (number % cells.num_u);
+    const int v = cells.window.top + cells.step_v * (number / cells.num_u);
+    const auto last = [level](float size) {
+      return ((static_cast<int>(size) + (1 << level) - 1) >> level) - 1;
+    };
+    if (u < 1 || v < 1 || u >= last(grid.width) || v >= last(grid.height)) return;
+    const auto inverse_depth = [&](std::ptrdiff_t pixel) {
+      const float offset = pixels.planes[2 * pixel];
+      return offset > 0 ? pixels.planes[2 * pixel + 1] / offset : 0.0f;
+    };
+    const std::ptrdiff_t pixel = grid.start[level] + std::ptrdiff_t{v} * grid.stride + u;
+    const float at = inverse_depth(pixel);
+    if (!(at > 0)) return;
+    const float scale = 1 / (6 * variance * at * at * at * at);
+    const std::ptrdiff_t steps[] = {1, grid.stride};
+    for (const std::ptrdiff_t apart : steps) {
+      const float before = inverse_depth(pixel - apart), after = inverse_depth(pixel + apart);
+      if (!(before > 0) || !(after > 0)) continue;
+      const float bend = before + after - 2 * at, square = bend * bend * scale;
+      sum += square < limit ? square : limit;
+      num += 1;
     }
   }
-  const float share = num > 0 ? sum / (normal_mean * num) : 1.0f;
-  return share < 1 ? share : 1.0f;
+
+  /// Returns the share of a level's noise that is left.
+  PALPATE_HOSTDEV float share() const {
+    constexpr float normal_mean = 0.92f;  // of a limited square of noise
+    const float share = num > 0 ? sum / (normal_mean * num) : 1.0f;
+    return share < 1 ? share : 1.0f;
+  }
+};
+
+/// Returns the share of a level's noise that the field shows in a window. `variance`: the noise of
+/// the level's cells.
+inline float noise_left(const FieldGrid& grid, const FieldPixels& pixels, const CellWindow& window,
+                        float variance) {
+  if (window.level > grid.last_level) return 1;
+  const LookedCells cells(window);
+  SeenBends bends;
+  for (int i = 0; i < cells.num; ++i) bends.add(grid, pixels, cells, i, variance);
+  return bends.share();
 }
 
 /// Levels up to this one are smoothed by filters; its own noise is then that of the next one.
@@ -92,8 +143,10 @@ inline constexpr int kLastSmoothed = 4;
 /// scale has lost is left in the next one, and all that is finer than the window is lost. A spline
 /// over nodes as far apart as the cells has a third of their variance at one place, and one over
 /// nodes half as far apart with four times the variance a fifth more. Both have the same over wide
-/// windows. What is left of a scale is half the one and half the other.
-PALPATE_HOSTDEV inline void place_scales(const DepthFieldView& field, CellWindow window,
+/// windows. What is left of a scale is half the one and half the other. left_of(window, variance)
+/// is noise_left.
+template <class LeftOf>
+PALPATE_HOSTDEV inline void place_scales(CellWindow window, const LeftOf& left_of,
                                          NoiseScales& scales) {
   NoiseScales nodes;
   const int first = window.level < kNumNoiseLevels ? window.level : kNumNoiseLevels - 1;
@@ -105,7 +158,7 @@ PALPATE_HOSTDEV inline void place_scales(const DepthFieldView& field, CellWindow
     if (k < first) {
       left = 0;
     } else if (k <= kLastSmoothed && own > 0) {
-      left = noise_left(field, window, cells);
+      left = left_of(window, cells);
     }
     const float kept = left * own;
     nodes.variance[k] += k > first ? 0.5f * kept : kept;
@@ -116,12 +169,20 @@ PALPATE_HOSTDEV inline void place_scales(const DepthFieldView& field, CellWindow
       lost = 0;
     }
     cells *= 0.25f;
-    if (k >= window.level) {
-      window = {window.level + 1, window.left >> 1, window.top >> 1, window.right >> 1,
-                window.bottom >> 1};
-    }
+    if (k >= window.level) window = wider_cells(window);
   }
   scales = nodes;
+}
+
+/// Returns the number of grids that have noise, from that of a level on.
+PALPATE_HOSTDEV inline int num_noise_grids(int first) {
+  return first < kNumNoiseLevels ? kNumNoiseLevels - first : 1;
+}
+/// Returns the variance of the nodes of a grid's level.
+PALPATE_HOSTDEV inline float node_variance(const NoiseScales& scales, int level) {
+  constexpr int last = kNumNoiseLevels - 1;
+  if (level <= last) return scales.variance[level];
+  return scales.variance[last] * static_cast<float>(1.0 / (1 << 2 * (level - last)));
 }
 
 }}  // namespace palpate::v0

@@ -50,4 +50,27 @@ struct NoiseRows {
   }
 };
 
+/// Most rows that a warp of a GPU keeps of a cluster: its elements, and the ball that stands for
+/// them.
+inline constexpr int kRowsOfCluster = SphereClusters::kSize + 1;
+
+/// Rows of the warps of a GPU that keep elements: each has a part of them.
+struct KeptRows {
+  NoiseRows rows;
+  int num_parts = 0;
+  std::ptrdiff_t capacity = 0;  ///< of a part
+
+  /// Returns those of one of several blocks, which follow each other.
+  PALPATE_HOSTDEV KeptRows of_block(int block) const {
+    KeptRows mine = *this;
+    mine.rows.first += block * num_parts * capacity;
+    mine.rows.num += block * num_parts;
+    return mine;
+  }
+};
+/// Returns the rows that a part needs if so many share the clusters of a tool.
+constexpr std::ptrdiff_t rows_of_part(int num_clusters, int num_parts) {
+  return std::ptrdiff_t{kRowsOfCluster} * ((num_clusters + num_parts - 1) / num_parts);
+}
+
 }}  // namespace palpate::v0

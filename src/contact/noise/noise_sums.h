@@ -17,23 +17,6 @@ struct NoiseSums {
   int num_groups = 0;
 };
 
-/// Adds the variance of one scale: `squares` of the numbers of a node, and `products` of each with
-/// the next axis.
-inline void add_variances(const float* squares, const float* products, float variance,
-                          MeasureNoise& to) {
-  const auto times = [&](float sum) {
-    return static_cast<double>(variance) * static_cast<double>(sum);
-  };
-  to.volume += times(squares[0]);
-  for (int axis = 0; axis < 3; ++axis) {
-    const int next = (axis + 1) % 3;
-    to.force.m[axis][axis] += times(squares[1 + axis]);
-    to.torque.m[axis][axis] += times(squares[4 + axis]);
-    to.force.m[axis][next] = to.force.m[next][axis] += times(products[1 + axis]);
-    to.torque.m[axis][next] = to.torque.m[next][axis] += times(products[4 + axis]);
-  }
-}
-
 /// Adds the noise that one camera causes by the elements that it decides.
 using AddMeasureNoise = void (*)(const NoiseSums& sums, int camera, const NoiseCamera& view,
                                  const DepthFieldView& field, MeasureNoise& to);

@@ -37,8 +37,8 @@ Error margin_error() {
 
 Error one_by_one_error() {
   return {Errc::invalid_argument,
-          "standard deviations, spheres, and surfaces of a window are measured pose by pose; give "
-          "poses and answers in host memory"};
+          "spheres, and surfaces of a window, are measured pose by pose; give poses and answers in "
+          "host memory"};
 }
 
 SurfaceView with_policy(SurfaceView surface, const Scene& scene) {
@@ -227,7 +227,7 @@ Status SceneContact::Impl::measure_contact(const Scene& scene, const ScenePoses&
                            {.contact = {.gpu = contact.gpu}, .unseen = answers.unseen}, stream);
   }
   SceneAnswers one_by_one = answers;
-  const bool is_at_once = scenes != nullptr && !contact.want_noise() && is_for_batch(surfaces);
+  const bool is_at_once = scenes != nullptr && is_for_batch(surfaces);
   const bool is_there = poses.gpu != kHostMemory || contact.gpu != kHostMemory;
   if (is_there && (has_spheres || !is_at_once)) return one_by_one_error();
   if (is_at_once) {

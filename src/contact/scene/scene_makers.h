@@ -32,7 +32,9 @@ struct SceneMakers {
 /// Returns the makers of a GPU. `kAtOnce`: poses in a launch.
 template <std::size_t kAtOnce = std::size_t{1} << 15>
 SceneMakers cuda_makers() {
-  return {make_contact_query_cuda,
+  return {[](SceneMakers::Index index, const ContactMethod& method, int gpu) {
+            return make_contact_query_cuda(std::move(index), method, gpu);
+          },
           [](SceneMakers::Index index, const FieldMethod& method, ThreadPool&, int gpu) {
             return make_batch_query_cuda(std::move(index), method, gpu);
           },

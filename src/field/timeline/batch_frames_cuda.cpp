@@ -2,6 +2,7 @@
 #include <string>
 #include <utility>
 
+#include "src/cloud/internal/frame_noise.h"
 #include "src/cloud/internal/surface_cuda.h"
 #include "src/field/depth_field_cuda.h"
 #include "src/field/timeline/batch_frames.h"
@@ -45,6 +46,9 @@ class BatchFramesCuda final : public BatchFrames {
     const auto num_values =
         static_cast<std::size_t>(at_once) * static_cast<std::size_t>(num_pixels);
     staged_ = memory_.take<float>(num_values);
+    noises_ = surface->learns_noise()
+                  ? memory_.take<FrameNoise>(static_cast<std::size_t>(num_images))
+                  : nullptr;
     if (!memory_.status()) return memory_.status();
     surface_ = *std::move(surface);
     field_ = *std::move(field);
@@ -82,13 +86,15 @@ class BatchFramesCuda final : public BatchFrames {
         stream.copy(staged_, meters, num_values * sizeof *meters);
         meters = staged_;
       }
-      surface_->enqueue_images(stream, counts, meters, some);
+      surface_->enqueue_images(stream, counts, meters, some,
+                               noises_ != nullptr ? noises_ + begin : nullptr);
       field_->enqueue(surface_->planes(), surface_->points_apart(), surface_->cloud(), begin, some,
                       stream);
     }
     if (!requested_stream || is_staged) stream.wait(kPatience + static_cast<double>(num) * 1e-3);
     if (!stream.status()) return stream.status().error();
-    return SurfaceBatch(field_->view(), num, field_->pixels_apart(), field_->tiles_apart());
+    return SurfaceBatch(field_->view(), num, field_->pixels_apart(), field_->tiles_apart(),
+                        noises_);
   }
 
  private:
@@ -121,7 +127,8 @@ class BatchFramesCuda final : public BatchFrames {
   int gpu_;
   int num_ = 0, num_at_once_ = 0;  // there is room for
   gpu::Memory memory_;
-  float* staged_ = nullptr;  // images from host memory
+  float* staged_ = nullptr;       // images from host memory
+  FrameNoise* noises_ = nullptr;  // if each image tells its own
   std::optional<SurfaceCuda> surface_;
   std::optional<DepthFieldCuda> field_;
   gpu::Stream own_stream_, caller_stream_;

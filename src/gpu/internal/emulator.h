@@ -122,6 +122,7 @@ T __ldg(const T* p) {
   return *p;
 }
 inline float __frcp_rn(float a) { return 1.0f / a; }
+inline int __float2int_rn(float v) { return static_cast<int>(std::nearbyint(v)); }
 inline float __int_as_float(int v) {
   float f;
   std::memcpy(&f, &v, sizeof f);

@@ -93,13 +93,24 @@ __device__ inline float lane_of(VecF a, int lane) {
 __device__ inline std::int32_t lane_of(VecI a, int lane) {
   return __shfl_sync(gpu::kWholeWarp, a.v, lane);
 }
-/// The least number of all lanes.
+/// The number that all lanes have.
+__device__ inline float same_of(VecF a) { return a.v; }
+/// Whole numbers in the order of the floats that they stand for, NaN aside, and back.
+PALPATE_HOSTDEV inline std::int32_t in_order(std::int32_t bits) {
+  return bits ^ ((bits >> 31) & 0x7fffffff);
+}
+/// The least number of all lanes, none of which is NaN.
 __device__ inline float min_lane(VecF a) {
+  std::int32_t least = in_order(__float_as_int(a.v));
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
+  least = __reduce_min_sync(gpu::kWholeWarp, least);  // one instruction, of whole numbers only
+#else
   for (int step = gpu::kWarpSize / 2; step > 0; step /= 2) {
-    const float other = __shfl_xor_sync(gpu::kWholeWarp, a.v, step);
-    a.v = other < a.v ? other : a.v;
+    const std::int32_t other = __shfl_xor_sync(gpu::kWholeWarp, least, step);
+    least = other < least ? other : least;
   }
-  return a.v;
+#endif
+  return __int_as_float(in_order(least));
 }
 /// Number of the first lane whose bit is set.
 __device__ inline int first_lane(std::uint32_t bits) { return __ffs(static_cast<int>(bits)) - 1; }

@@ -5,7 +5,6 @@
 
 #include <gtest/gtest.h>
 
-#include "src/cloud/internal/frame_noise.h"
 #include "src/contact/cuda/gpu_field.h"
 #include "src/contact/field/field_contact_cuda.h"
 #include "src/core/internal/stamp.h"
@@ -368,51 +367,6 @@ TEST(FieldContactCuda, BlendsTwoFieldsAsTwoMeasuresWould) {
   const Penetration whole = gpu.by(kOwn).measure(to.surface(), {}, 0.0, X_WT).penetration;
   EXPECT_NEAR(whole.volume, gpu.measure(to.surface(), X_WT, kOwn).volume, 1e-6 * whole.volume);
   EXPECT_EQ(whole.num_inside_spheres, 0);
-}
-
-// The host tells the noise of fields that lie on a GPU, of one frame, of a blend, and of two
-// cameras.
-TEST(FieldContactCuda, SaysTheNoiseOfTheCpu) {
-  PALPATE_GPU_OR_SKIP();
-  const DepthFieldOptions apart{.unknown = UnknownSpace::blocked};
-  const FrozenField fields[] = {FrozenField(rough_wall(1)), FrozenField(rough_wall(2))};
-  const FrozenField seen_free[] = {FrozenField(rough_wall(1), apart),
-                                   FrozenField(rough_wall(2), apart)};
-  gpu::Stream stream(0, gpu::Priority::low);
-  GpuFields copies(0), copies_of_free(0);
-  const FrameNoise noise[] = {frame_noise({.at_zero = 0.001}), frame_noise({.growth = 0.003})};
-  SurfaceView on_cpu[2], on_gpu[2];
-  for (int i = 0; i < 2; ++i) {
-    on_cpu[i].field = fields[i].surface().field;
-    on_cpu[i].field.noise = &noise[i];
-    on_cpu[i].seen_free = seen_free[i].surface().field;
-    on_cpu[i].role = SurfaceRole::one_of_several;
-    on_gpu[i] = on_cpu[i];
-    on_gpu[i].field = copies.on_gpu(on_cpu[i].field, stream);
-    on_gpu[i].seen_free = copies_of_free.on_gpu(on_cpu[i].seen_free, stream);
-  }
-  ASSERT_TRUE(stream.wait());
-  const Tool tool = test::random_tool(400, 0.05, 6);
-  test::ContactQueries cpu(tool), gpu = test::cuda_queries(tool);
-  Random random(1);
-  const Pose X_WT{{0.01, 0, 0.61}, random.rotation(1.0)};
-  const auto said = [&](test::ContactQueries& queries, const SurfaceView(&views)[2],
-                        std::size_t num, double alpha) {
-    const SurfaceBlend cameras[] = {{views[0], views[1], alpha}, {views[1], views[1], 1}};
-    const ContactResult result = queries.by(kOwn).measure({cameras, num}, X_WT, {.noise = true});
-    EXPECT_GT(result.penetration.volume, 0);
-    EXPECT_TRUE(result.noise);
-    return result.noise.value_or(MeasureNoise{});
-  };
-  for (const std::size_t num : {1, 2}) {
-    for (const double alpha : {1.0, 0.3}) {
-      SCOPED_TRACE(testing::Message() << num << " cameras, " << alpha);
-      const MeasureNoise want = said(cpu, on_cpu, num, alpha);
-      const MeasureNoise got = said(gpu, on_gpu, num, alpha);
-      EXPECT_GT(want.volume, 0);
-      EXPECT_EQ(std::memcmp(&got, &want, sizeof got), 0);
-    }
-  }
 }
 
 }  // namespace

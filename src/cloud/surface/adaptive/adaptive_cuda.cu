@@ -41,19 +41,21 @@ AdaptiveCuda::AdaptiveCuda(gpu::Memory& memory, int width, int height, int num_i
       (static_cast<std::size_t>(job_.levels[0].width) + one_lane::kTileWidth - 1) /
       std::size_t{one_lane::kTileWidth} * static_cast<std::size_t>(job_.levels[0].height);
   job_.free = memory.take<unsigned>(num * words);
-  job_.frame_noise = memory.take_pinned<FrameNoise>(1);
+  if (num_images == 0) job_.frame_noise = memory.take_pinned<FrameNoise>(1);
 }
 
-void AdaptiveCuda::enqueue(gpu::Stream& stream, const one_lane::FilterJob& filter,
-                           int num_images) const {
+void AdaptiveCuda::enqueue(gpu::Stream& stream, const one_lane::FilterJob& filter, int num_images,
+                           FrameNoise* noises) const {
   if (is_small_) {
     gpu::launch(stream,
                 {.blocks = num_images,
                  .threads = one_lane::kSmallThreads,
                  .shared_bytes = one_lane::small_bytes(job_.levels)},
-                one_lane::smooth_small_images, filter, job_.levels);
+                one_lane::smooth_small_images, filter, job_.levels, noises);
     return;
   }
+  AdaptiveJob job = job_;
+  if (noises != nullptr) job.frame_noise = noises;
   const auto launch = [&](std::size_t shared_bytes, auto* kernel, const auto&... arguments) {
     gpu::launch(stream,
                 {.blocks = num_images * job_.num_tiles(),
@@ -61,15 +63,15 @@ void AdaptiveCuda::enqueue(gpu::Stream& stream, const one_lane::FilterJob& filte
                  .shared_bytes = shared_bytes},
                 kernel, arguments...);
   };
-  launch(sizeof(one_lane::BeginShared), one_lane::begin_scales, filter, job_);
+  launch(sizeof(one_lane::BeginShared), one_lane::begin_scales, filter, job);
   gpu::launch(
       stream,
       {.blocks = num_images * (job_.num_tiles() + filter.tiling.num_tiles),
        .threads = one_lane::kPredictThreads,
        .shared_bytes = std::max(sizeof(one_lane::PredictShared), sizeof(one_lane::FarShared))},
-      one_lane::predict_scales, filter, job_, num_images);
-  launch(sizeof(one_lane::EnergyShared), one_lane::find_energies, job_);
-  launch(sizeof(one_lane::SmoothShared), one_lane::smooth_scales, filter, job_);
+      one_lane::predict_scales, filter, job, num_images);
+  launch(sizeof(one_lane::EnergyShared), one_lane::find_energies, job);
+  launch(sizeof(one_lane::SmoothShared), one_lane::smooth_scales, filter, job);
 }
 
 }}  // namespace palpate::v0

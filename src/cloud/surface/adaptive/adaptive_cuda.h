@@ -46,7 +46,8 @@ struct AdaptiveJob {
   unsigned long long* num_done = nullptr;  ///< blocks of each image that have counted
   ScaleNoise* noise = nullptr;             ///< kNumScales of each image
   unsigned* free = nullptr;                ///< free pixels, as FilterJob::far
-  FrameNoise* frame_noise = nullptr;       ///< of the first image, in page-locked memory
+  /// Noise that is learned of each image, or null; of one by itself in page-locked memory.
+  FrameNoise* frame_noise = nullptr;
 
   PALPATE_HOSTDEV int num_tiles() const {
     return levels[kNumScales].width * levels[kNumScales].height;
@@ -62,10 +63,11 @@ class AdaptiveCuda {
   AdaptiveCuda(gpu::Memory& memory, int width, int height, int num_images);
 
   /// Submits the smoothing of the first images: from the raw frame of `job` to its depth, with the
-  /// pixels that are too far.
-  void enqueue(gpu::Stream& stream, const one_lane::FilterJob& job, int num_images) const;
-  /// Noise of the last image that is done by itself (of a batch: of the first one of the last
-  /// launch), in memory of the host.
+  /// pixels that are too far. `noises`: of a batch, where the noise of each goes on the GPU, or
+  /// null.
+  void enqueue(gpu::Stream& stream, const one_lane::FilterJob& job, int num_images,
+               FrameNoise* noises) const;
+  /// Noise of the last image that is done by itself, in memory of the host; null of a batch.
   const FrameNoise* noise() const { return job_.frame_noise; }
   /// True if free pixels are infinite in what `enqueue` makes.
   bool marks_far() const { return !is_small_; }

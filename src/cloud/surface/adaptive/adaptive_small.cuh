@@ -122,10 +122,10 @@ __device__ inline void find_small_energies(const LevelsCuda& levels, const float
   }
 }
 
-/// From raw images to smoothed depth. A block does one.
+/// From raw images to smoothed depth. A block does one. `noises`: what is learned of each, or null.
 __global__ void __launch_bounds__(kSmallThreads, kSmallBlocks)
     smooth_small_images(const __grid_constant__ FilterJob filter,
-                        const __grid_constant__ LevelsCuda levels) {
+                        const __grid_constant__ LevelsCuda levels, FrameNoise* noises) {
   SmallShared& shared = gpu::shared_memory<SmallShared>();
   float* const mean =
       reinterpret_cast<float*>(reinterpret_cast<unsigned char*>(&shared) + kSmallArrays);
@@ -165,6 +165,7 @@ __global__ void __launch_bounds__(kSmallThreads, kSmallBlocks)
   fill(work, levels.num_cells, kUnknown);
   __syncthreads();
   const ScaleNoise* const noise = shared.noise.noise;
+  if (thread == 0 && noises != nullptr) noises[image] = frame_noise_of(noise);
   find_small_energies(levels, mean, predicted, noise, energy, work);
 
   float* const depth = filter.depth + image * filter.tiling.points_apart;

@@ -199,7 +199,9 @@ __global__ void __launch_bounds__(kPredictThreads, kAdaptiveBlocks)
   if (gpu::warp_id() != 0) return;
   fit_noise(shared.noise);
   if (lane < kNumScales) job.noise[tile.image * kNumScales + lane] = shared.noise.noise[lane];
-  if (lane == 0 && tile.image == 0) *job.frame_noise = frame_noise_of(shared.noise.noise);
+  if (lane == 0 && job.frame_noise != nullptr) {
+    job.frame_noise[tile.image] = frame_noise_of(shared.noise.noise);
+  }
 }
 
 /// Cells of a tile's level with those around it.

@@ -38,6 +38,9 @@ PALPATE_LANE_CODE inline void clip(float x, float reach, float near_scale, float
 // right < left or bottom < top.
 struct Squares {
   int level = 0, left = 0, right = -1, top = 0, bottom = -1;
+
+  PALPATE_LANE_CODE int wide() const { return right - left + 1; }
+  PALPATE_LANE_CODE int high() const { return bottom - top + 1; }
 };
 PALPATE_LANE_CODE inline Squares squares_around(const Image& image, const CameraPoint<float>& at,
                                                 float reach) {
@@ -95,6 +98,8 @@ class ImageSearch {
       lane_ = first_lane(mask_bits(lanes));
       radius_ = lane_of(spheres.radius, lane_);
       middle_ = {lane_of(at.x, lane_), lane_of(at.y, lane_), lane_of(at.z, lane_)};
+      distance2_ = lane_of(found.distance2, lane_);
+      pixel_ = lane_of(found.pixel, lane_);
     } else {
       const auto middle = [&](VecF v) {
         const float low = min_lane(select(lanes, v, splat(kFarAway)));
@@ -111,11 +116,15 @@ class ImageSearch {
     if (!(reach_ >= 0)) return;
     const Squares squares = squares_around(image_, middle_, reach_);
     switch (squares.level) {
-      case 0: return visit_all<0>(squares);
-      case 1: return visit_all<1>(squares);
-      case 2: return visit_all<2>(squares);
-      case 3: return visit_all<3>(squares);
-      default: return visit_all<Image::kLevels - 1>(squares);
+      case 0: visit_all<0>(squares); break;
+      case 1: visit_all<1>(squares); break;
+      case 2: visit_all<2>(squares); break;
+      case 3: visit_all<3>(squares); break;
+      default: visit_all<Image::kLevels - 1>(squares);
+    }
+    if constexpr (kSingle) {
+      found_.distance2 = select(lanes_, splat(distance2_), found_.distance2);
+      found_.pixel = select(lanes_, splat(pixel_), found_.pixel);
     }
   }
 
@@ -151,10 +160,10 @@ class ImageSearch {
 
   // The same for one sphere.
   PALPATE_LANE_CODE void tighten_one() {
-    float limit2 = lane_of(found_.distance2, lane_);
+    float limit2 = distance2_;
     if constexpr (kFront) {
       if (is_shared_) {
-        if (lane_of(found_.pixel, lane_) != -1) best_ = lesser(best_, root(limit2) - radius_);
+        if (pixel_ != -1) best_ = lesser(best_, root(limit2) - radius_);
         const float limit = greater(best_ + radius_, 0.0f);
         limit2 = limit * limit * 1.000002f;
       }
@@ -170,13 +179,16 @@ class ImageSearch {
 
   template <int kLevel>
   PALPATE_LANE_CODE void visit_all(const Squares& squares) {
-    if constexpr (kSingle && kLevel > 0) {
-      const int wide = squares.right - squares.left + 1, high = squares.bottom - squares.top + 1;
-      if (wide * high <= kPerBlock) return visit_best<kLevel>(squares, wide, high);
-    }
-    for (int row = squares.top; row <= squares.bottom; ++row) {
-      for (int column = squares.left; column <= squares.right; ++column) {
-        visit<kLevel>(column, row, false);
+    if constexpr (kSingle && kLevel < Image::kLevels - 1) {
+      visit_best<kLevel>(squares);
+    } else {
+      if (kSingle && squares.wide() * squares.high() <= kPerBlock) {
+        return visit_best<kLevel>(squares);
+      }
+      for (int row = squares.top; row <= squares.bottom; ++row) {
+        for (int column = squares.left; column <= squares.right; ++column) {
+          visit<kLevel>(column, row, false);
+        }
       }
     }
   }
@@ -243,7 +255,7 @@ class ImageSearch {
     take_best(bounds, [&](int child, float nearest) {
       const int column = 4 * block_column + (child & 3), row = 4 * block_row + (child >> 2);
       if constexpr (kSingle && kLevel == 0) {
-        take(splat(nearest), column, row);
+        take_one(nearest, column, row);
         return false;
       } else {
         visit<kLevel>(column, row, true);
@@ -280,7 +292,8 @@ class ImageSearch {
 
   // Looks into up to sixteen squares of an image for one sphere, the nearest ones first.
   template <int kLevel>
-  PALPATE_LANE_CODE void visit_best(const Squares& squares, int wide, int high) {
+  PALPATE_LANE_CODE void visit_best(const Squares& squares) {
+    const int wide = squares.wide(), high = squares.high();
     constexpr float kSize = 1 << (2 * kLevel);
     const float span_x = (kSize - 1) * image_.per_fx, span_y = (kSize - 1) * image_.per_fy;
     const float per_wide = 1.0f / static_cast<float>(wide);
@@ -295,15 +308,22 @@ class ImageSearch {
                          ((row & 3) << 2) + (column & 3);
       const VecF left = (to_float(column) * kSize - image_.cx) * image_.per_fx;
       const VecF top = (to_float(row) * kSize - image_.cy) * image_.per_fy;
-      const VecF bound =
-          bound_of(middle, {left, left + span_x, top, top + span_y},
-                   gather(image_.nearest[kLevel], place), gather(image_.farthest[kLevel], place));
+      const VecF nearest = gather(image_.nearest[kLevel], place);
+      const VecF bound = kLevel == 0 ? pixel_distance2<kFront>(image_, middle, left, top, nearest)
+                                     : bound_of(middle, {left, left + span_x, top, top + span_y},
+                                                nearest, gather(image_.farthest[kLevel], place));
       bounds[k] = select(is_there, bound, splat(kFarAway));
     }
-    take_best(bounds, [&](int child, float) {
-      const int row = child / wide;
-      expand<kLevel - 1>(squares.left + child - row * wide, squares.top + row);
-      return true;
+    take_best(bounds, [&](int child, float nearest) {
+      const int row_in = child / wide;
+      const int column = squares.left + child - row_in * wide, row = squares.top + row_in;
+      if constexpr (kLevel == 0) {
+        take_one(nearest, column, row);
+        return false;
+      } else {
+        expand<kLevel - 1>(column, row);
+        return true;
+      }
     });
   }
 
@@ -312,6 +332,16 @@ class ImageSearch {
     if (column >= image_.width || row >= image_.height) return;
     take(pixel_distance2<kFront>(image_, spheres_.at, splat(x), splat(y), splat(depth)), column,
          row);
+  }
+
+  // Takes a pixel for the only sphere if it is nearer than what it has, of equal ones the first.
+  PALPATE_LANE_CODE void take_one(float distance2, int column, int row) {
+    const std::int32_t pixel = row * image_.width + column;
+    const bool is_first = distance2 == distance2_ && pixel_ >= 0 && pixel < pixel_;
+    if (!(distance2 < distance2_ || is_first)) return;
+    distance2_ = distance2;
+    pixel_ = pixel;
+    tighten_one();
   }
 
   // Takes a pixel where it is nearer than what lanes have, of equal ones the first.
@@ -335,8 +365,10 @@ class ImageSearch {
   bool is_shared_;
   CameraPoint<float> middle_;
   VecF from_middle_;
-  int lane_ = 0;      // of the only sphere
-  float radius_ = 0;  // of it
+  // The only sphere: its lane, and what it has found so far.
+  int lane_ = 0;
+  float radius_ = 0, distance2_ = 0;
+  std::int32_t pixel_ = -1;
   VecF limit2_;   // squared distance above which nothing matters to a lane; negative: nothing does
   float reach_;   // from the middle, to all that matters; negative: nothing does
   float reach2_;  // its square; negative likewise
