@@ -20,6 +20,8 @@ struct BatchNoiseJob {
 namespace {
 
 constexpr int kNoiseWarps = 4, kNoiseThreads = kNoiseWarps * gpu::kWarpSize;
+// Number of such blocks that a multiprocessor has registers for; see kBlocksOf.
+constexpr int kNoiseBlocks = 4;
 
 struct BatchNoiseScratch {
   FieldLook field;
@@ -30,7 +32,7 @@ struct BatchNoiseScratch {
 };
 
 template <bool kHasWholes>
-__global__ void __launch_bounds__(kNoiseThreads, kBlocksOf<Gradient>)
+__global__ void __launch_bounds__(kNoiseThreads, kNoiseBlocks)
     measure_deviations(const __grid_constant__ BatchNoiseJob job) {
   auto& shared = gpu::shared_memory<BatchNoiseScratch>();
   const BatchJob& batch = job.batch;

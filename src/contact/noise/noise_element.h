@@ -8,7 +8,7 @@
 
 namespace palpate { inline namespace v0 {
 
-/// Pixels beyond the principal point at which all elements that are farther off count.
+/// Distance from the principal point, in pixels, at which elements count that are farther off.
 inline constexpr float kFarOff = 1e6f;
 
 /// Places of elements in the camera that decides them.
@@ -53,21 +53,29 @@ PALPATE_FORMULA void set_changes(const Gradient3<Real>& l, const Gradient3<Real>
   for (int k = 0; k < kNumChanges; ++k) change[k] = changes[k];
 }
 
-/// Writes all numbers of elements; `by_field`: what the field takes off volume, force and torque.
-template <class Real>
-PALPATE_FORMULA void set_numbers(const NoisePlaceOf<Real>& at, const Gradient3<Real>& l,
+/// Calls put(row, number) for all numbers of elements, in the order of their rows; `by_field`: what
+/// the field takes off volume, force and torque.
+template <class Real, class Put>
+PALPATE_FORMULA void put_numbers(const NoisePlaceOf<Real>& at, const Gradient3<Real>& l,
                                  const Gradient3<Real>& n, Real volume,
-                                 const Real (&by_field)[kNumChanges],
-                                 Real (&numbers)[kNumNoiseRows]) {
+                                 const Real (&by_field)[kNumChanges], const Put& put) {
   // Change of the field by the depth of the surface.
   const Real slope = -(n.x * at.ray[0] + n.y * at.ray[1] + n.z * at.ray[2]);
-  const Real own[] = {
-      at.u, at.v, at.inverse_depth, at.footprint, volume * slope, n.x, n.y, n.z, l.x,
-      l.y,  l.z,  at.camera};
+  put(0, at.u);
+  put(1, at.v);
+  put(2, at.inverse_depth);
+  put(3, at.footprint);
+  put(4, volume * slope);
+  put(5, n.x);
+  put(6, n.y);
+  put(7, n.z);
+  put(8, l.x);
+  put(9, l.y);
+  put(10, l.z);
+  put(11, at.camera);
   constexpr int kFirst = static_cast<int>(NoiseRow::change);
-  static_assert(sizeof own == kFirst * sizeof(Real));
-  for (int k = 0; k < kFirst; ++k) numbers[k] = own[k];
-  for (int k = 0; k < kNumChanges; ++k) numbers[kFirst + k] = -slope * by_field[k];
+  static_assert(kFirst == 12);
+  for (int k = 0; k < kNumChanges; ++k) put(kFirst + k, -slope * by_field[k]);
 }
 
 /// Writes what the values of a ball's parts take off its volume, force and torque: each cuts its

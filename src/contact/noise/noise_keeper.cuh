@@ -51,7 +51,8 @@ class NoiseKeeper {
   /// The same with all decreases by the field.
   __device__ void note(const Gradient3<float>& lever, float volume,
                        const float (&by_field)[kNumChanges], const Gradient3<float>& n) {
-    set_numbers(place_, lever, n, volume, by_field, numbers_);
+    put_numbers(place_, lever, n, volume, by_field,
+                [&](int row, float number) { numbers_[row] = number; });
     is_noted_ = numbers_[static_cast<int>(NoiseRow::change)] != 0 ||
                 numbers_[static_cast<int>(NoiseRow::volume)] != 0;
   }

@@ -50,13 +50,9 @@ class NoiseWriter {
   template <class Element>
   [[gnu::always_inline]] void keep(const Element& e, const NoisePlace& at, VecF volume,
                                    const VecF (&change)[kNumChanges], const Gradient3<VecF>& n) {
-    VecF numbers[kNumNoiseRows];
-    set_numbers(at, Gradient3<VecF>{e.lx, e.ly, e.lz}, n, volume, change, numbers);
-    float* to = to_.first + next_;
-    for (const VecF& each : numbers) {
-      store(to, each);
-      to += to_.apart;
-    }
+    float* const to = to_.first + next_;
+    put_numbers(at, Gradient3<VecF>{e.lx, e.ly, e.lz}, n, volume, change,
+                [&](int row, const VecF& number) { store(to + row * to_.apart, number); });
     next_ += kLanes;
   }
   void finish() const {

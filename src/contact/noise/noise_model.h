@@ -68,33 +68,19 @@ PALPATE_HOSTDEV inline CellWindow wider_cells(const CellWindow& window) {
           window.bottom >> 1};
 }
 
-/// The cells of a window at which the field is looked at: some in each row, and as many rows.
-struct LookedCells {
-  static constexpr int kMaxSteps = 8;  ///< each way
-
-  CellWindow window;
-  int step_u, step_v, num_u, num;
-
-  PALPATE_HOSTDEV explicit LookedCells(const CellWindow& of) : window(of) {
-    step_u = 1 + (window.right - window.left) / kMaxSteps;
-    step_v = 1 + (window.bottom - window.top) / kMaxSteps;
-    num_u = 1 + (window.right - window.left) / step_u;
-    num = num_u * (1 + (window.bottom - window.top) / step_v);
-  }
-};
+/// Returns the step from one to the next of the cells of a row, or column, at which the field is
+/// looked at: there are eight at most.
+PALPATE_HOSTDEV inline int step_over(int first, int last) { return 1 + (last - first) / 8; }
 
 /// Sums over the second differences of inverse depth that a field shows.
 struct SeenBends {
   float sum = 0, num = 0;
 
-  /// Adds those at one of the cells, as shares of what noise of this variance would show. Limited,
+  /// Adds those at a cell of a level, as shares of what noise of this variance would show. Limited,
   /// as edges and shape are not noise.
-  PALPATE_HOSTDEV void add(const FieldGrid& grid, const FieldPixels& pixels,
-                           const LookedCells& cells, int number, float variance) {
+  PALPATE_HOSTDEV void add(const FieldGrid& grid, const FieldPixels& pixels, int level, int u,
+                           int v, float variance) {
     constexpr float limit = 4;
-    const int level = cells.window.level;
-    const int u = cells.window.left + cells.step_u * (number % cells.num_u);
-    const int v = cells.window.top + cells.step_v * (number / cells.num_u);
     const auto last = [level](float size) {
       return ((static_cast<int>(size) + (1 << level) - 1) >> level) - 1;
     };
@@ -130,9 +116,14 @@ struct SeenBends {
 inline float noise_left(const FieldGrid& grid, const FieldPixels& pixels, const CellWindow& window,
                         float variance) {
   if (window.level > grid.last_level) return 1;
-  const LookedCells cells(window);
+  const int step_u = step_over(window.left, window.right);
+  const int step_v = step_over(window.top, window.bottom);
   SeenBends bends;
-  for (int i = 0; i < cells.num; ++i) bends.add(grid, pixels, cells, i, variance);
+  for (int v = window.top; v <= window.bottom; v += step_v) {
+    for (int u = window.left; u <= window.right; u += step_u) {
+      bends.add(grid, pixels, window.level, u, v, variance);
+    }
+  }
   return bends.share();
 }
 

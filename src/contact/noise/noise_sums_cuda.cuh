@@ -163,10 +163,15 @@ __device__ void look_at_bends(const FieldGrid& grid, const FieldPixels& pixels,
                               NoiseScratch<kWarps>& shared) {
   for (int i = gpu::warp_id(); i < shared.num_looks; i += gpu::warps_per_block()) {
     if (!(shared.left[i] < 0)) continue;
-    const LookedCells cells(shared.looks[i]);
+    const CellWindow& window = shared.looks[i];
+    const int step_u = step_over(window.left, window.right);
+    const int step_v = step_over(window.top, window.bottom);
+    const int num_u = 1 + (window.right - window.left) / step_u;
+    const int num = num_u * (1 + (window.bottom - window.top) / step_v);
     SeenBends bends;
-    for (int k = gpu::lane_id(); k < cells.num; k += gpu::kWarpSize) {
-      bends.add(grid, pixels, cells, k, shared.look_variances[i]);
+    for (int k = gpu::lane_id(); k < num; k += gpu::kWarpSize) {
+      bends.add(grid, pixels, window.level, window.left + k % num_u * step_u,
+                window.top + k / num_u * step_v, shared.look_variances[i]);
     }
     bends.sum = gpu::warp_sum(bends.sum);
     bends.num = gpu::warp_sum(bends.num);

@@ -223,6 +223,20 @@ TEST(ContactBatch, WhatCannotBeMeasuredIsZeroAndSaysWhy) {
   }
 }
 
+// Poses far in front are sorted out before they are measured, if there are many.
+TEST(ContactBatch, UnknownNoiseIsNoNumberInAnyBatch) {
+  const auto scenes = test::batch_scenes();
+  const std::vector<SurfaceView> surfaces = test::surfaces_of(scenes);
+  const Tool tool = test::random_tool(20, 0.05, 3);
+  const auto batches = batches_of(tool);
+  for (const std::size_t num : {2, 200}) {
+    const std::vector<Pose> poses(num, {{0, 0, 0.3}, {}});
+    std::vector<double> said(num);
+    ASSERT_TRUE(batches->measure(surfaces[0], {poses}, {.volume_std = said.data()}));
+    EXPECT_TRUE(std::ranges::all_of(said, [](double std) { return std::isnan(std); })) << num;
+  }
+}
+
 TEST(ContactBatch, SurfacesAreOneOrEachPoseItsOwnOrNumbered) {
   const auto scenes = test::batch_scenes();
   const std::vector<SurfaceView> surfaces = test::surfaces_of(scenes);
