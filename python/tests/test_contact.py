@@ -76,6 +76,11 @@ def test_standard_deviations_by_the_noise(cube, camera):
     assert np.array_equal(own, batch.volume_std)
     with pytest.raises(palpate.Error, match='the method "graph" does not say'):
         palpate.Contact(cube, "graph").measure(surface, poses[1], std=True)
+    own[:] = -7
+    with pytest.raises(palpate.Error, match="not with graph"):
+        out = palpate.Batch(volume_std=own)
+        palpate.Contact(cube, "graph").measure_batch(palpate.Scene(surface), poses, std=True, out=out)
+    assert (own == -7).all()
 
 
 def test_bodies_have_no_noise(cube):

@@ -8,10 +8,10 @@
 
 namespace palpate { inline namespace v0 {
 
-/// Returns the noise of (1 - alpha) `from` + alpha `to`.
+/// Returns the noise of (1 - alpha) `from` + alpha `to`. None: that of one of them is unknown.
 inline std::optional<MeasureNoise> blend(const std::optional<MeasureNoise>& from,
                                          const std::optional<MeasureNoise>& to, double alpha) {
-  if (!from || !to) return to;
+  if (!from || !to) return std::nullopt;
   MeasureNoise both;
   both.add(*from, 1 - alpha);
   both.add(*to, alpha);

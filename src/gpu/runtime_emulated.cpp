@@ -6,13 +6,33 @@
 #include "palpate/gpu/devices.h"
 #include "src/gpu/internal/emulator.h"
 #include "src/gpu/internal/runtime.h"
+#include "src/gpu/internal/short_memory.h"
 
-namespace palpate { inline namespace v0 { namespace gpu {
+namespace palpate { inline namespace v0 {
+namespace emulator {
+namespace {
+
+constexpr std::size_t kMemory = std::size_t{1} << 33;  // bytes
+std::size_t largest = kMemory;
+
+}  // namespace
+
+ShortMemory::ShortMemory(std::size_t max_bytes) { largest = max_bytes; }
+ShortMemory::~ShortMemory() { largest = kMemory; }
+std::size_t largest_array() { return largest; }
+
+}  // namespace emulator
+namespace gpu {
 
 void* Memory::take_bytes(std::size_t num_bytes, bool pinned) {
   constexpr std::size_t kAlignment = 256;  // bytes, as on a GPU
   void* data = nullptr;
-  if (!status_ || posix_memalign(&data, kAlignment, num_bytes + 1) != 0) return nullptr;
+  if (!status_) return nullptr;
+  if (num_bytes > emulator::largest_array() ||
+      posix_memalign(&data, kAlignment, num_bytes + 1) != 0) {
+    status_ = Error{Errc::unavailable, "memory of the emulated GPU ran out"};
+    return nullptr;
+  }
   std::memset(data, 0, num_bytes + 1);
   blocks_.push_back({data, pinned});
   return data;
@@ -98,10 +118,11 @@ double Stream::lap() noexcept {
 }
 
 int resident_blocks(int, const void*, int, std::size_t) { return 2; }
-std::size_t free_memory(int) { return std::size_t{1} << 33; }
+std::size_t free_memory(int) { return emulator::largest_array(); }
 Status check_gpu(int) { return Done{}; }
 
-}}}  // namespace palpate::v0::gpu
+}  // namespace gpu
+}}  // namespace palpate::v0
 
 #if defined(PALPATE_CUDA)  // the backend of a whole build
 namespace palpate { inline namespace v0 {

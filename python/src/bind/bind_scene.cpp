@@ -204,7 +204,6 @@ bool is_scene(nb::handle given) { return nb::isinstance<PyScene>(given); }
 
 std::unique_ptr<PyBatch> measure_scene(PyContact& self, const SceneQuestion& question,
                                        SceneWants wants) {
-  if (wants.noise) check_std(self);
   const PyScene scene = scene_of(question.scene);
   wants.unseen = !scene.cameras.empty() && self.method() == "field" && wants.unseen;
   const PoseRequest request(question);

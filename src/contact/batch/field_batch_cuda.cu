@@ -205,12 +205,12 @@ Status FieldBatchCuda::look_at_noise(const SurfaceBatch& surfaces, gpu::Stream& 
   }
   job.kept = noise_rows_.rows();
   job.learned = surfaces.noises();
-  if (surfaces.size() > 0) job.first = noise_of(surfaces[0].field);
+  if (surfaces.size() > 0) job.first = surface_noise(surfaces[0].field.noise);
   if (surfaces.is_even() || surfaces.size() <= 1) return Done{};
   Table& table = *table_;
   table.desired_noise.clear();
   for (int i = 0; i < surfaces.size(); ++i) {
-    table.desired_noise.push_back(noise_of(surfaces[i].field));
+    table.desired_noise.push_back(surface_noise(surfaces[i].field.noise));
   }
   if (table.known_noise != table.desired_noise) {
     if (is_recording) {
@@ -343,7 +343,8 @@ Status FieldBatchCuda::measure(const SurfaceBatch& surfaces, const PoseBatch& po
   // Far more time than it takes.
   constexpr double kSlowest = 1e8;  // elements/s
   const double elements = 32.0 * field_tool_.elements.num_clusters;
-  return stream.wait(2 + elements * num / kSlowest);
+  const double slowdown = answers.want_noise() ? noise_rows_.slowdown() : 1;
+  return stream.wait(2 + slowdown * elements * num / kSlowest);
 }
 
 Result<std::unique_ptr<BatchQuery>> make_batch_query_cuda(std::shared_ptr<const ToolIndex> index,

@@ -38,8 +38,9 @@ class SceneBatch {
   /// Measures the sum of the contact with the hull of all cameras and with the bodies, as
   /// ContactQuery and BodyPairQuery do it for one pose, to 1e-5 of their results. The result of a
   /// pose has the same bits whatever else is in the batch. `unseen`: P, share of the tool's volume,
-  /// in the memory of the answers, or null. Deviations are those of MeasureNoise to 1e-4. Waits,
-  /// unless there is a stream and all arrays are on the GPU. Errors: as above.
+  /// in the memory of the answers, or null. Deviations are those of MeasureNoise to 1e-4, but at
+  /// the border of two grids. Waits, unless there is a stream and all arrays are on the GPU.
+  /// Errors: as above.
   virtual Status measure(const SceneBatchPoses& poses, const BatchAnswers& answers, double* unseen,
                          std::optional<CallerStream> stream) = 0;
 };

@@ -51,7 +51,7 @@ class SceneBatchCuda final : public SceneBatch {
 
   Status take(std::span<const SurfaceView> surfaces, std::span<const PlacedBody> bodies,
               std::optional<CallerStream> desired) override {
-    gpu::Stream& stream = desired ? caller_stream(*desired) : own_stream_;
+    gpu::Stream& stream = stream_for(desired);
     const bool is_last = show_same(surfaces_, surfaces);
     const bool is_here = !is_last && !show_same(before_, surfaces) &&
                          std::ranges::any_of(surfaces, [&](const SurfaceView& surface) {
@@ -60,7 +60,6 @@ class SceneBatchCuda final : public SceneBatch {
     const bool has_bodies = are_last(bodies);
     if (is_here || !has_bodies) {
       if (stream.is_recording()) return late_in_graph("a scene that was not asked before");
-      if (!desired) caller_stream_.continue_in(stream.handle());
       if (const Status& waited = stream.wait(60); !waited) return waited;  // for the last scene
     }
     if (!is_last) before_.swap(surfaces_);
@@ -81,7 +80,7 @@ class SceneBatchCuda final : public SceneBatch {
   Status measure(const SceneBatchPoses& poses, const BatchAnswers& answers, double* unseen,
                  std::optional<CallerStream> desired) override {
     if (poses.X_WT.empty()) return Done{};
-    gpu::Stream& stream = desired ? caller_stream(*desired) : own_stream_;
+    gpu::Stream& stream = stream_for(desired);
     const bool is_here = poses.gpu != gpu_ || answers.gpu != gpu_ || !poses.tool_of_pose.empty() ||
                          !poses.body_of_pose.empty();
     if (is_here) {
@@ -105,13 +104,15 @@ class SceneBatchCuda final : public SceneBatch {
       return stream.status();
     }
     // Far more time than it takes.
-    return stream.wait(60 + static_cast<double>(poses.X_WT.size()) / 1e3);
+    const double slowdown = answers.want_noise() ? noise_rows_.slowdown() : 1;
+    return stream.wait(60 + slowdown * static_cast<double>(poses.X_WT.size()) / 1e3);
   }
 
  private:
-  gpu::Stream& caller_stream(const CallerStream& desired) {
-    caller_stream_.continue_in(desired.handle);
-    return caller_stream_;
+  /// Returns the stream of a call; its work comes after that of the last one in another stream.
+  gpu::Stream& stream_for(const std::optional<CallerStream>& desired) {
+    caller_stream_.continue_in(desired ? desired->handle : own_stream_.handle());
+    return desired ? caller_stream_ : own_stream_;
   }
 
   Error late_in_graph(const std::string& what) const {
@@ -197,7 +198,8 @@ class SceneBatchCuda final : public SceneBatch {
     job.query = cameras_.query<kMaxViews>();
     for (int k = 0; k < job.query.num_cameras; ++k) {
       job.X_WC[k] = surfaces_[static_cast<std::size_t>(job.query.eyes[k].number)].X_WC;
-      with_noise.noises[k] = cameras_.noises()[k];
+      if (!answers.want_noise()) continue;
+      with_noise.noises[k] = cameras_.noise(k);
       with_noise.is_known &= with_noise.noises[k].is_known != 0;
     }
     with_noise.kept = noise_rows_.rows();

@@ -253,7 +253,7 @@ FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
       unseen_(memory_.take<std::uint8_t>(static_cast<std::size_t>(num_spheres_))),
       unseen_volume_(memory_.take_pinned<double>(1)),
       hull_(std::make_unique<DepthHullCuda>(field_tool_, center_of_mass_, num_spheres_, gpu)) {
-  if (reserves_noise) (void)noise();
+  if (reserves_noise) noise_ = std::make_unique<MeasureNoiseCuda>(field_tool_, gpu);
 }
 
 ContactResult FieldContactCuda::measure_hull(std::span<const SurfaceBlend> cameras,
@@ -263,8 +263,8 @@ ContactResult FieldContactCuda::measure_hull(std::span<const SurfaceBlend> camer
   ContactResult result =
       hull_->measure(cameras, X_WT, wants, {states_, planes_, deciders_, unseen_}, stream_);
   if (wants.noise && !result.penetration.status.is_unmeasured()) {
-    result.noise = noise().of_cameras(hull_->cameras(), stream_);
-    if (!status()) return unmeasured(StepStatus::backend_failed, wants, true);
+    if (has_noise()) result.noise = noise_->of_cameras(hull_->cameras(), stream_);
+    if (noise_ == nullptr || !status()) return unmeasured(StepStatus::backend_failed, wants, true);
   }
   return result;
 }
@@ -273,7 +273,7 @@ std::optional<MeasureNoise> FieldContactCuda::noise_against(const FieldQuestion&
                                                             int field) const noexcept {
   const DepthFieldView& of = question.fields[field];
   if (of.num_levels == 0) return MeasureNoise{};
-  return noise().of_field(of, frame_of(of.intrinsics, question.X_WT, center_of_mass_), stream_);
+  return noise_->of_field(of, frame_of(of.intrinsics, question.X_WT, center_of_mass_), stream_);
 }
 
 double FieldContactCuda::unseen_by_one(const SurfaceView& surface, const Pose& X_CT,
@@ -331,6 +331,7 @@ ContactResult FieldContactCuda::measure_one(const SurfaceView& from, const Surfa
   }
   describe(question.fields[alpha < 1 ? 1 : 0], question.X_WT, wants);
   if (wants.noise) {
+    if (!has_noise()) return unmeasured(StepStatus::backend_failed, wants, true);
     result.noise = alpha < 1 ? blend(noise_against(question, 0), noise_against(question, 1), alpha)
                              : noise_against(question, 0);
     if (!status()) return unmeasured(StepStatus::backend_failed, wants, true);

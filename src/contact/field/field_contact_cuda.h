@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <optional>
+#include <utility>
 
 #include "src/contact/cuda/gpu_field.h"
 #include "src/contact/cuda/query_answer.h"
@@ -31,7 +32,8 @@ class FieldContactCuda final : public ContactQuery {
 
   using ContactQuery::measure;
   /// As FieldContact, to 1e-5 of its results, in one launch; the same bits on every run. With a
-  /// stiffness other blocks add up: results then differ by rounding. Noise takes two more launches.
+  /// stiffness other blocks add up: results then differ by rounding. Noise takes two more launches
+  /// for each field.
   ContactResult measure_one(const SurfaceView& from, const SurfaceView& to, double alpha,
                             const Pose& X_WT, const ContactWants& wants) const noexcept override;
 
@@ -50,13 +52,17 @@ class FieldContactCuda final : public ContactQuery {
   ContactResult evaluate(const FieldQuestion& question, AnswerBox& answers) const noexcept;
   void describe(const DepthFieldView& field, const Pose& X_WT,
                 const ContactWants& wants) const noexcept;
-  /// Returns the noise against a field of a question. None: it is unknown.
+  /// Returns the noise against a field of a question; has_noise is true. None: it is unknown.
   std::optional<MeasureNoise> noise_against(const FieldQuestion& question,
                                             int field) const noexcept;
-  /// Returns what measures the noise; the first call allocates.
-  MeasureNoiseCuda& noise() const {
-    if (noise_ == nullptr) noise_ = std::make_unique<MeasureNoiseCuda>(field_tool_, memory_.gpu());
-    return *noise_;
+  /// Takes the memory for noise, if it is not there. False: there is too little; the next call
+  /// tries again.
+  bool has_noise() const {
+    if (noise_ != nullptr) return true;
+    auto made = std::make_unique<MeasureNoiseCuda>(field_tool_, memory_.gpu());
+    if (!made->status()) return false;
+    noise_ = std::move(made);
+    return true;
   }
 
   Vec3d center_of_mass_;

@@ -161,13 +161,15 @@ void DepthHull::leave_out(const SurfaceBlend& view, const CameraSeats& seats,
   camera.at_most = most;
 }
 
-// Adds the noise of all cameras, which do not know of each other. Of a blend both frames count.
+// Adds the noise of all cameras, which do not know of each other. Both frames of a blend count.
 std::optional<MeasureNoise> DepthHull::noise_of_cameras(NoiseMemory& noise) const {
   MeasureNoise sum;
   for (int k = 0; k < job_->num_cameras; ++k) {
     const HullCamera& camera = job_->cameras[k];
+    for (int f = 0; f < camera.field.num_fields; ++f) {
+      if (camera.field.fields[f].noise == nullptr) return std::nullopt;
+    }
     const DepthFieldView& field = camera.field.fields[0];
-    if (field.noise == nullptr) return std::nullopt;
     const FieldFrame& frame = camera.field.frame;
     NoiseCamera view{.fx = frame.fx, .fy = frame.fy, .cx = frame.cx, .cy = frame.cy};
     std::memcpy(view.R_WC, camera.R_WC[0], sizeof view.R_WC);

@@ -44,8 +44,12 @@ class HullCameras {
 
   int num() const { return num_; }
   const HullEye* eyes() const { return eyes_; }
-  /// Noise of each of them. Of a blend both frames count.
-  const SurfaceNoise* noises() const { return noises_; }
+  /// Returns the noise of one of them. Both frames of a blend count.
+  SurfaceNoise noise(int k) const {
+    const HullEye& eye = eyes_[k];
+    const double newer = eye.num_fields == 2 ? static_cast<double>(eye.progress) : 1;
+    return surface_noise(noises_[k], std::hypot(newer, 1 - newer));
+  }
   /// A surface of a camera by itself that was taken.
   OneCamera one_camera(const SurfaceView& surface, gpu::Stream& stream) {
     const bool is_memory = surface.role == SurfaceRole::with_memory;
@@ -86,8 +90,8 @@ class HullCameras {
     const auto look = [&](GpuFields& copy, const DepthFieldView& of) {
       return look_of(copy.on_gpu(of, stream), frame_of(to.field.intrinsics, {}, {}), 1);
     };
-    const double newer = seats.num_moments == 2 ? view.progress : 1;
-    noises_[num_] = noise_of(to.field, std::hypot(newer, 1 - newer));
+    const bool is_known = seats.num_moments == 1 || from.field.noise != nullptr;
+    noises_[num_] = is_known ? to.field.noise : nullptr;
     HullEye& eye = eyes_[num_++] = {};
     eye.number = number;
     eye.num_fields = seats.num_moments;
@@ -112,8 +116,8 @@ class HullCameras {
 
   std::vector<GpuFields> copies_;  // four per camera, in the order of SurfaceView
   HullEye eyes_[kMaxCameras];
-  FieldFrame in_eyes_[kMaxCameras][2];  // by seat
-  SurfaceNoise noises_[kMaxCameras];
+  FieldFrame in_eyes_[kMaxCameras][2];          // by seat
+  const FrameNoise* noises_[kMaxCameras] = {};  // null: unknown
   FieldFrame in_world_;
   int num_ = 0, num_seeing_ = 0;
   bool is_alone_ = false, has_memory_ = false;

@@ -20,8 +20,9 @@ class BatchRows {
     const std::size_t of_block = capacity * static_cast<std::size_t>(num_parts);
     const std::size_t most = std::min(kMaxBytes, gpu::free_memory(gpu) / 8);
     const std::size_t fitting = most / (of_block * kNumNoiseRows * sizeof(float));
-    num_blocks_ = std::clamp(static_cast<int>(std::min(fitting, kMaxBlocks)), 1,
-                             std::max(1, resident_blocks));
+    const int max_blocks = std::max(1, resident_blocks);
+    num_blocks_ = std::clamp(static_cast<int>(std::min(fitting, kMaxBlocks)), 1, max_blocks);
+    slowdown_ = static_cast<double>(max_blocks) / num_blocks_;
     const auto num = static_cast<std::size_t>(num_blocks_);
     gpu::Memory& memory = memory_.emplace(gpu);
     rows_.rows.first = memory.take<float>(kNumNoiseRows * num * of_block);
@@ -36,6 +37,8 @@ class BatchRows {
 
   bool is_taken() const { return memory_.has_value(); }
   int num_blocks() const { return num_blocks_; }
+  /// Returns how much longer a batch takes than with memory for all blocks that run.
+  double slowdown() const { return slowdown_; }
   /// Rows of the first block; see KeptRows::of_block.
   const KeptRows& rows() const { return rows_; }
 
@@ -45,6 +48,7 @@ class BatchRows {
   std::optional<gpu::Memory> memory_;
   KeptRows rows_;
   int num_blocks_ = 0;
+  double slowdown_ = 1;
 };
 
 }}  // namespace palpate::v0

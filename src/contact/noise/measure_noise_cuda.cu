@@ -113,7 +113,7 @@ std::optional<MeasureNoise> MeasureNoiseCuda::of_field(const DepthFieldView& fie
   NoiseEyes eyes;
   eyes.num = 1;
   eyes.eyes[0].field = look_of(field, frame, 1);
-  eyes.eyes[0].noise = noise_of(field);
+  eyes.eyes[0].noise = surface_noise(field.noise);
   if (eyes.eyes[0].noise.is_known == 0) return std::nullopt;
   gpu::launch(
       stream,
@@ -140,7 +140,7 @@ std::optional<MeasureNoise> MeasureNoiseCuda::of_cameras(const HullCameras& came
     NoiseEyes::Eye& eye = eyes.eyes[eyes.num++];
     eye.field = cameras.eyes()[k].field[0];
     std::memcpy(eye.R_WC, cameras.eyes()[k].R_WC[0], sizeof eye.R_WC);
-    eye.noise = cameras.noises()[k];
+    eye.noise = cameras.noise(k);
     if (eye.noise.is_known == 0) return std::nullopt;
   }
   if (cameras.num() <= kFewCameras) {

@@ -1,5 +1,6 @@
-// The noise of single measures on a GPU: the elements that touch are kept by as many warps as the
-// tool has clusters, and one block sums up what their noise does.
+// The noise of single measures on a GPU: warps keep the elements that touch, against one field as
+// many as the tool has clusters, at most 1024, and against several cameras one of each block that
+// runs; then one block sums up their noise.
 #pragma once
 
 #include <optional>
@@ -20,7 +21,8 @@ class MeasureNoiseCuda {
   MeasureNoiseCuda(const FieldTool& tool, int gpu);
 
   /// Returns the noise against one field on the GPU, in its frame. None: its noise is unknown, or
-  /// the GPU has failed. To 1e-4 of the deviations of NoiseMemory; the same bits on every run.
+  /// the GPU has failed. To 1e-4 of the deviations of NoiseMemory, but at the border of two grids
+  /// (noise_window); the same bits on every run.
   std::optional<MeasureNoise> of_field(const DepthFieldView& field, const FieldFrame& frame,
                                        gpu::Stream& stream) noexcept;
   /// The same against the cameras of a hull, in W.

@@ -21,6 +21,12 @@ namespace palpate { inline namespace v0 {
 /// Nodes of a grid each way, at most, and the numbers of a node: volume, force, torque, and 0.
 inline constexpr int kNoiseNodes = 26, kNoiseNumbers = 8;
 
+/// True if a sum is neither infinite nor no number, on a device, too.
+template <class Real>
+PALPATE_HOSTDEV constexpr bool is_number(Real sum) {
+  return sum - sum == 0;
+}
+
 /// Extent of the elements of one camera, and sums over them.
 struct NoiseReach {
   float min_u = 1e9f, max_u = -1e9f, min_v = 1e9f, max_v = -1e9f;  ///< pixels of level 0
@@ -51,7 +57,8 @@ struct NoiseReach {
   }
 };
 
-/// Returns the grid of the elements: as fine as the pixels that they sample, but not too large.
+/// Returns the grid of elements of finite sums: as fine as the pixels that they sample, but not too
+/// large.
 PALPATE_HOSTDEV inline CellWindow noise_window(const NoiseReach& reach) {
   CellWindow window;
   window.level = static_cast<int>(reach.level / reach.weight + 0.5f);

@@ -1,5 +1,6 @@
 // The noise of a measure from the elements that touch (noise_grid.h), compiled once per instruction
 // set.
+#include <cmath>
 #include <cstring>
 
 #include "src/contact/noise/noise_sums.h"
@@ -96,7 +97,11 @@ void add_measure_noise(const NoiseSums& sums, int camera, const NoiseCamera& vie
                        const DepthFieldView& field, MeasureNoise& to) {
   NoiseReach reach;
   for_elements(sums, camera, [&](std::ptrdiff_t i) { reach.add(sums.rows, i); });
-  if (!(reach.weight > 0) || field.noise == nullptr) return;
+  if (reach.weight == 0 || field.noise == nullptr) return;
+  if (!is_number(reach.weight + reach.level + reach.depth)) {
+    constexpr float none[kNoiseNumbers] = {};
+    return add_variances(none, none, NAN, to);
+  }
   NodeGrid grids[2];
   int now = 0;
   grids[now].clear(noise_window(reach));
@@ -116,7 +121,7 @@ void add_measure_noise(const NoiseSums& sums, int camera, const NoiseCamera& vie
       now = 1 - now;
     }
     const float variance = node_variance(scales, level);
-    if (variance > 0) grids[now].add_squares(variance, to);
+    if (variance != 0) grids[now].add_squares(variance, to);
   }
 }
 

@@ -21,10 +21,11 @@ struct SurfaceNoise {
 
   friend bool operator==(const SurfaceNoise&, const SurfaceNoise&) = default;
 };
-inline SurfaceNoise noise_of(const DepthFieldView& field, double share = 1) {
+/// Returns it by the noise of a field; null: unknown.
+inline SurfaceNoise surface_noise(const FrameNoise* frame, double share = 1) {
   SurfaceNoise noise;
-  if (field.noise != nullptr) noise.frame = *field.noise;
-  noise.is_known = field.noise != nullptr;
+  if (frame != nullptr) noise.frame = *frame;
+  noise.is_known = frame != nullptr;
   noise.share = static_cast<float>(share);
   return noise;
 }
@@ -134,7 +135,7 @@ inline constexpr int kLastSmoothed = 4;
 /// scale has lost is left in the next one, and all that is finer than the window is lost. A spline
 /// over nodes as far apart as the cells has a third of their variance at one place, and one over
 /// nodes half as far apart with four times the variance a fifth more. Both have the same over wide
-/// windows. What is left of a scale is half the one and half the other. left_of(window, variance)
+/// windows. A scale leaves half the one and half the other. left_of(window, variance)
 /// is noise_left.
 template <class LeftOf>
 PALPATE_HOSTDEV inline void place_scales(CellWindow window, const LeftOf& left_of,

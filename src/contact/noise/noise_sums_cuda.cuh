@@ -1,7 +1,7 @@
 // The noise of a measure from the elements that touch (noise_grid.h), by a block of a GPU. Threads
 // add to a node in any order, so nodes are integers: of each number, 2^30 is more than all elements
-// together can add to a node. What is rounded away is less than that of single precision in sums of
-// as many nodes, and the sums have the same bits on every run.
+// together can add to a node. Rounding takes away less than that of single precision in sums of as
+// many nodes, and the sums have the same bits on every run.
 #pragma once
 
 #include <cmath>
@@ -121,7 +121,7 @@ __device__ bool sum_reach(const KeptRows& kept, int camera, const NoiseCamera& v
     shared.edges[0][edge] = least;
   }
   __syncthreads();
-  const bool has_any = shared.sums[0][0] > 0;
+  const bool has_any = shared.sums[0][0] != 0;
   __syncthreads();
   return has_any;
 }
@@ -263,6 +263,11 @@ __device__ void add_noise(const KeptRows& kept, int camera, const FieldLook& fie
       .fx = field.grid.fx, .fy = field.grid.fy, .cx = field.grid.cx, .cy = field.grid.cy};
   for (int i = 0; i < 9; ++i) view.R_WC[i / 3][i % 3] = R_WC[i / 3][i % 3];
   if (!sum_reach(kept, camera, view, shared)) return;
+  if (const double* const sums = shared.sums[0]; !is_number(sums[0] + sums[1] + sums[2])) {
+    if (thread < kNumVariances) shared.variances[thread] = NAN;
+    __syncthreads();
+    return;
+  }
   if (thread == 0) choose_grid(field.grid, noise.frame, shared);
   __syncthreads();
   SharedGrid grid{shared.window, shared.nodes, kMaxNodes};
@@ -277,6 +282,7 @@ __device__ void add_noise(const KeptRows& kept, int camera, const FieldLook& fie
     constexpr int kBits = 30, kMaxExponent = 96;
     exponent = kBits - exponent;
     shared.units[thread] = ldexpf(1, exponent < kMaxExponent ? exponent : kMaxExponent);
+    if (!is_number(bound)) shared.units[thread] = NAN;  // and so are the nodes
   }
   const auto for_sums = [&](const auto& f) {
     for (int k = 0; k < kNumChanges; ++k) {

@@ -8,14 +8,15 @@
 
 namespace palpate { inline namespace v0 { namespace {
 
-// Returns the standard deviation along an axis, which is a row of R.
+// Returns the standard deviation along an axis, which is a row of R. Rounding may leave a variance
+// below 0; one that is no number stays so.
 __device__ inline double deviation_along(const Mat3d& covariance, const Mat3d& R, int row) {
   const double(&to)[3] = R.m[row];
   double variance = 0;
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) variance += to[i] * covariance.m[i][j] * to[j];
   }
-  return variance > 0 ? sqrt(variance) : 0.0;
+  return variance < 0 ? 0.0 : sqrt(variance);
 }
 
 // Writes the deviations of a pose, which the rows of R turn to W. Zeros if it is not measured.

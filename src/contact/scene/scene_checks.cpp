@@ -94,6 +94,12 @@ Status check_poses(const ScenePoses& poses, std::size_t num_tools) {
                      "group_of_pose", "groups");
 }
 
+Status check_noise(const BatchAnswers& answers, const ContactMethod& method) {
+  if (!answers.want_noise() || std::holds_alternative<FieldMethod>(method)) return Done{};
+  return refused(std::string("standard deviations are measured with the method field, not with ") +
+                 name_of(contact_options(method).method) + "; create the contact with field");
+}
+
 Status check_clearance(const ContactMethod& method, double limit, double smoothing) {
   if (!std::holds_alternative<FieldMethod>(method)) {
     return refused(std::string("clearance is measured with the method field, not with ") +

@@ -16,6 +16,8 @@ Status check_scene(const Scene& scene, const ContactMethod& method, const Place&
 Status check_memory(int gpu, const Place& place);
 /// Errors: sizes that do not match; several tools without indices; an index out of range.
 Status check_poses(const ScenePoses& poses, std::size_t num_tools);
+/// Errors: standard deviations of a point method, which does not say what noise does to it.
+Status check_noise(const BatchAnswers& answers, const ContactMethod& method);
 /// Errors: a point method; a limit that is not above 0; a smoothing below 0.
 Status check_clearance(const ContactMethod& method, double limit, double smoothing);
 

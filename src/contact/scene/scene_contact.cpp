@@ -328,6 +328,7 @@ Status SceneContact::measure(const Scene& scene, const ScenePoses& poses,
   for (const int gpu : {poses.gpu, answers.contact.gpu}) {
     if (const Status status = check_memory(gpu, impl.place); !status) return status;
   }
+  if (const Status s = check_noise(answers.contact, impl.method); !s) return s;
   const bool wants_clearance = answers.clearance || answers.nearest || answers.decided ||
                                answers.clearance_gradient || answers.group_clearance ||
                                answers.group_pose;

@@ -9,6 +9,9 @@
 
 #include "src/contact/batch/field_batch.h"
 #include "src/contact/batch/field_batch_cuda.h"
+#if defined(PALPATE_EMULATE_CUDA)
+#include "src/gpu/internal/short_memory.h"
+#endif
 #include "tests/contact/batch/batch_cases.h"
 #include "tests/contact/noise/compared_noise.h"
 #include "tests/contact/scene/answered_scene.h"
@@ -181,6 +184,20 @@ TEST(BatchNoiseCuda, NoiseChangesWithTheFrame) {
   }
 }
 
+// It does not become 0, which would say that the measure is exact.
+TEST(BatchNoiseCuda, WhatIsNoNumberStaysNone) {
+  PALPATE_GPU_OR_SKIP();
+  NoisyScenes scenes;
+  scenes.kinds[0].base[0] = NAN;
+  const Tool tool = test::random_tool(60, 0.05, 20);
+  const std::vector<Pose> poses{{{0, 0, 0.6}, {}}};
+  const Deviations want = answered(on_cpu(tool), scenes.surfaces[0], {poses});
+  const Deviations got = answered(on_gpu(tool), scenes.surfaces[0], {poses});
+  for (std::size_t k = 0; k < 7; ++k) {
+    EXPECT_TRUE(std::isnan(got.of(0)[k]) && std::isnan(want.of(0)[k])) << k;
+  }
+}
+
 TEST(BatchNoiseCuda, CanBeRecordedOnceItsMemoryIsThere) {
   PALPATE_GPU_OR_SKIP();
   const NoisyScenes scenes;
@@ -214,6 +231,21 @@ TEST(BatchNoiseCuda, CanBeRecordedOnceItsMemoryIsThere) {
   EXPECT_EQ(got.numbers, want.numbers);
   EXPECT_GT(got.of(7)[0], 0);
 }
+
+#if defined(PALPATE_EMULATE_CUDA)
+// A call waits for as long as its work may take, so much longer if few blocks share it.
+TEST(BatchNoiseCuda, FewBlocksForWantOfMemoryHaveMoreTime) {
+  const std::size_t of_block = 4 * rows_of_part(100, 4) * kNumNoiseRows * sizeof(float);
+  BatchRows rows;
+  ASSERT_TRUE(rows.take(0, 100, 4, 10));
+  EXPECT_EQ(rows.num_blocks(), 10);
+  EXPECT_EQ(rows.slowdown(), 1);
+  const emulator::ShortMemory two_blocks(8 * 2 * of_block);
+  ASSERT_TRUE(rows.take(0, 100, 4, 10));
+  EXPECT_EQ(rows.num_blocks(), 2);
+  EXPECT_EQ(rows.slowdown(), 5);
+}
+#endif
 
 /// Compares poses in a scene; returns how many have a deviation.
 int compare(const Scene& scene, const Tool& tool, const std::vector<Pose>& poses) {
@@ -265,6 +297,38 @@ TEST(BatchNoiseCuda, ScenesAsOnTheCpu) {
   num_touching += compare({.surfaces = test::surfaces_of(memory)}, tool, poses_of(12, random));
   EXPECT_GT(num_touching, 25);
   EXPECT_EQ(compare({.bodies = bodies}, tool, poses_of(4, random)), 0) << "bodies have no noise";
+}
+
+// On a GPU the work of the first calls still runs when the last one has no stream.
+TEST(BatchNoiseCuda, CallsWithAndWithoutAStreamDoNotDisturbEachOther) {
+  PALPATE_GPU_OR_SKIP();
+  Random random(35);
+  const Tool tool = test::random_tool(60, 0.05, 3);
+  const Tool* const tools[] = {&tool};
+  const SceneContact contact = test::scenes_on_gpu(tools);
+  const test::HullScene three = test::rough_scene(3, {}, random);
+  const Scene scene{.surfaces = test::surfaces_of(three)};
+  const std::vector<Pose> first = poses_of(12, random), last = poses_of(12, random);
+  Deviations want_first(12), want_last(12), got_first(12), got_last(12);
+  ASSERT_TRUE(contact.measure(scene, {first}, {.contact = want_first.answers()}));
+  ASSERT_TRUE(contact.measure(scene, {last}, {.contact = want_last.answers()}));
+  gpu::Stream stream(0, gpu::Priority::low);
+  gpu::Memory memory(0);
+  const Pose* const X_WT = memory.copy_of(first);
+  auto* const numbers = memory.take<double>(7 * 12);
+  const BatchAnswers there{
+      .gpu = 0, .volume_std = numbers, .force_std = numbers + 12, .torque_std = numbers + 48};
+  for (int i = 0; i < 4; ++i) {
+    ASSERT_TRUE(contact.measure(scene, {.X_WT = {X_WT, 12}, .gpu = 0}, {.contact = there},
+                                CallerStream{stream.handle()}));
+  }
+  ASSERT_TRUE(contact.measure(scene, {last}, {.contact = got_last.answers()}));
+  stream.copy(got_first.numbers.data(), numbers, 7 * 12 * sizeof(double));
+  ASSERT_TRUE(stream.wait());
+  for (std::size_t i = 0; i < 12; ++i) {
+    EXPECT_TRUE(is_same(got_first.of(i), want_first.of(i))) << i;
+    EXPECT_TRUE(is_same(got_last.of(i), want_last.of(i))) << i;
+  }
 }
 
 }  // namespace

@@ -1,12 +1,16 @@
 // The noise of single measures on the GPU against the CPU's, and against itself in other orders of
 // threads.
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "src/contact/cuda/gpu_field.h"
+#if defined(PALPATE_EMULATE_CUDA)
+#include "src/gpu/internal/short_memory.h"
+#endif
 #include "tests/contact/noise/compared_noise.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/cuda_queries.h"
@@ -109,6 +113,14 @@ TEST(MeasureNoiseCuda, BlendsAndFieldsOnTheGpuAsOnTheCpu) {
     EXPECT_GT(want.noise->volume, 0);
     test::expect_near(deviations_of(*got.noise), deviations_of(*want.noise));
   }
+  SurfaceView unknown = on_gpu[0];
+  unknown.field.noise = nullptr;
+  const auto said = [&](const SurfaceView& from, const SurfaceView& to) {
+    return gpu.by(kCounted).measure(from, to, 0.3, X_WT, {.noise = true}).noise.has_value();
+  };
+  EXPECT_FALSE(said(unknown, on_gpu[1]));
+  EXPECT_FALSE(said(on_gpu[1], unknown));
+  EXPECT_TRUE(said(SurfaceView{}, on_gpu[1])) << "a camera without a frame has none";
 }
 
 /// Compares poses against the cameras of a scene; returns how many have a deviation.
@@ -145,6 +157,56 @@ TEST(MeasureNoiseCuda, SeveralCamerasAsOnTheCpu) {
   num_touching += compare_hull(test::rough_memories(2, random, true), small, random, false, true);
   EXPECT_GT(num_touching, 4);
 }
+
+TEST(MeasureNoiseCuda, OfCamerasIsUnknownIfThatOfAFrameIs) {
+  PALPATE_GPU_OR_SKIP();
+  Random random(31);
+  const test::HullScene scene = test::rough_scene(2, {}, random);
+  const Tool tool = test::random_tool(60, 0.06, 3);
+  test::ContactQueries gpu = test::cuda_queries(tool);
+  const Pose X_WT{{0, 0, 1.2}, {}};
+  std::vector<SurfaceBlend> views = scene.views;
+  views[0].from.field.noise = nullptr;
+  EXPECT_TRUE(gpu.by(kCounted).measure(views, X_WT, {.noise = true}).noise);
+  views[0].progress = 0.5;
+  EXPECT_FALSE(gpu.by(kCounted).measure(views, X_WT, {.noise = true}).noise);
+  // Nobody reads it who does not ask for it.
+  const ContactResult want = gpu.by(kCounted).measure(views, X_WT);
+  for (SurfaceBlend& view : views) {
+    view.to.field.noise = view.from.field.noise = reinterpret_cast<const FrameNoise*>(64);
+  }
+  const ContactResult got = gpu.by(kCounted).measure(views, X_WT);
+  EXPECT_EQ(got.penetration.volume, want.penetration.volume);
+}
+
+#if defined(PALPATE_EMULATE_CUDA)
+TEST(MeasureNoiseCuda, WithoutMemoryForItOneQueryFails) {
+  const auto kinds = test::kinds_of_noise();
+  const FrozenField field(block_before_wall());
+  SurfaceView surface = field.surface();
+  surface.field.noise = &kinds[1];
+  const Tool tool = test::random_tool(700, 0.06, 15);
+  const auto make = [&](bool reserves_noise) {
+    return make_contact_query_cuda(ToolIndex::create(tool), FieldMethod{}, 0, reserves_noise);
+  };
+  const auto query = make(false).value();
+  const Pose X_WT{{0.02, 0, 0.6}, axis_angle({1, 2, 3}, 0.7)};
+  const auto has_failed = [&](bool noise) {
+    return query->measure(surface, X_WT, {.noise = noise})
+        .penetration.status.has(StepStatus::backend_failed);
+  };
+  EXPECT_FALSE(has_failed(false));
+  {
+    const emulator::ShortMemory too_little(20000);
+    EXPECT_TRUE(has_failed(true));
+    EXPECT_FALSE(make(true)) << "it was to be there";
+  }
+  EXPECT_FALSE(has_failed(false));
+  EXPECT_FALSE(has_failed(true));
+  EXPECT_GT(query->measure(surface, X_WT, {.noise = true}).noise.value_or(MeasureNoise{}).volume,
+            0);
+}
+#endif
 
 TEST(MeasureNoiseCuda, HasTheSameBitsInAnyOrderOfThreads) {
   PALPATE_GPU_OR_SKIP();
@@ -187,10 +249,28 @@ TEST(MeasureNoiseCuda, AbsurdPosesReadNothingOutOfBounds) {
                          {0, 0, 1e300},
                          {0, 0, 0.03},
                          {0, 0, -1}}) {
-    for (test::ContactQueries* const queries : {&cpu, &gpu}) {
-      (void)queries->by(kCounted).measure(surface, {p, {}}, {.noise = true});
+    const auto said = [&](test::ContactQueries& queries) {
+      return deviations_of(*queries.by(kCounted).measure(surface, {p, {}}, {.noise = true}).noise);
+    };
+    const auto want = said(cpu), got = said(gpu);
+    for (std::size_t k = 0; k < want.size(); ++k) {
+      EXPECT_EQ(std::isfinite(got[k]), std::isfinite(want[k])) << p.x << ' ' << p.z << ' ' << k;
     }
   }
+}
+
+TEST(MeasureNoiseCuda, WhatIsNoNumberStaysNone) {
+  PALPATE_GPU_OR_SKIP();
+  const FrozenField field(block_before_wall());
+  SurfaceView surface = field.surface();
+  FrameNoise broken = test::kinds_of_noise()[1];
+  broken.base[0] = NAN;
+  surface.field.noise = &broken;
+  const Tool tool = test::random_tool(60, 0.05, 6);
+  test::ContactQueries gpu = test::cuda_queries(tool);
+  const auto said = gpu.by(kCounted).measure(surface, {{0, 0, 0.6}, {}}, {.noise = true}).noise;
+  ASSERT_TRUE(said);
+  for (const double each : deviations_of(*said)) EXPECT_TRUE(std::isnan(each));
 }
 
 TEST(MeasureNoiseCuda, UnknownNoiseIsNone) {

@@ -7,6 +7,7 @@
 
 #include "palpate/cloud/depth_noise.h"
 #include "palpate/contact/body_contact.h"
+#include "src/cloud/internal/frame_noise.h"
 #include "tests/contact/noise/noise_study.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_scenes.h"
@@ -287,6 +288,43 @@ TEST(MeasureNoise, OfABlendIsThatOfIndependentFrames) {
   for (std::size_t k = 0; k < 7; ++k) {
     EXPECT_NEAR(both[k], std::hypot(0.25, 0.75) * one[k], 1e-6 * one[k]);
   }
+  SurfaceView unknown = from;
+  unknown.field.noise = nullptr;
+  EXPECT_FALSE(query->measure(unknown, to, 0.25, box_pose(), {.noise = true}).noise);
+  EXPECT_FALSE(query->measure(to, unknown, 0.25, box_pose(), {.noise = true}).noise);
+  EXPECT_TRUE(query->measure(unknown, to, 1, box_pose(), {.noise = true}).noise);
+  // A camera without a frame has none.
+  EXPECT_TRUE(query->measure(SurfaceView{}, to, 0.25, box_pose(), {.noise = true}).noise);
+}
+
+TEST(MeasureNoise, OfCamerasIsUnknownIfThatOfAFrameIs) {
+  Sensor sensor = make_sensor(without_filter({0.001, 0, 0}), true);
+  const SurfaceView known = surface_of(sensor, depth_of(wall));
+  SurfaceView unknown = known;
+  unknown.field.noise = nullptr;
+  const Tool tool = box();
+  const auto query = make_contact_query(Place::cpu(), tool).value();
+  const auto is_known = [&](const SurfaceView& from, double progress) {
+    const SurfaceBlend cameras[] = {{known, known, 1}, {from, known, progress}};
+    return query->measure(cameras, box_pose(), {.noise = true}).noise.has_value();
+  };
+  EXPECT_TRUE(is_known(known, 0.5));
+  EXPECT_TRUE(is_known(unknown, 1));
+  EXPECT_FALSE(is_known(unknown, 0.5));
+}
+
+// It does not become 0, which would say that the measure is exact.
+TEST(MeasureNoise, WhatIsNoNumberStaysNone) {
+  Sensor sensor = make_sensor(without_filter({0.001, 0, 0}));
+  SurfaceView surface = surface_of(sensor, depth_of(wall));
+  FrameNoise broken = *surface.field.noise;
+  broken.base[0] = NAN;
+  surface.field.noise = &broken;
+  const Tool tool = box();
+  const auto query = make_contact_query(Place::cpu(), tool).value();
+  const auto said = query->measure(surface, box_pose(), {.noise = true}).noise;
+  ASSERT_TRUE(said);
+  for (const double each : deviations_of(*said)) EXPECT_TRUE(std::isnan(each));
 }
 
 // Two cameras see one wall; a third one sees nothing of the tool.

@@ -549,6 +549,11 @@ TEST(SceneContact, RefusesInOneSentence) {
   const Status status = by_points.measure(scene, {poses}, got.answers);
   ASSERT_FALSE(status);
   EXPECT_NE(status.error().message.find("not with weighted"), std::string::npos);
+  double volume_std = -7;
+  const Status unsure = by_points.measure(scene, {poses}, {.contact = {.volume_std = &volume_std}});
+  ASSERT_FALSE(unsure);
+  EXPECT_NE(unsure.error().message.find("not with weighted"), std::string::npos);
+  EXPECT_EQ(volume_std, -7);
   EXPECT_FALSE(SceneContact::create({}));
   // Poses that are not finite are answered by their status.
   const std::vector<Pose> broken{{{NAN, 0, 0.5}, {}}};
