@@ -66,6 +66,7 @@ struct BallWindow {
 
   /// The ball has tiles only if it lies before the camera.
   PALPATE_FORMULA bool is_before_camera() const { return nearest > kMinDepth; }
+  PALPATE_FORMULA int num_tiles() const { return (right - left + 1) * (bottom - top + 1); }
 };
 
 /// Finds the pixels of a row that show the range from x - reach to x + reach, with a margin.

@@ -13,15 +13,15 @@ struct Answers {
 
   int num = 0;
   std::size_t slots[kMaxVectors];
-  std::uint32_t near[kMaxVectors];  // bits of the fields that are sampled
+  const NearFields<kFields>* near[kMaxVectors];  // those that are sampled
   Lanes lanes[kMaxVectors];
   Sample samples[kFields][kMaxVectors];
   VecI is_touching[kFields]
                   [kMaxVectors];  // before the camera and nearer to the surface than a radius
 
-  void add(std::size_t slot, std::uint32_t fields_near) {
+  void add(std::size_t slot, const NearFields<kFields>& fields_near) {
     slots[num] = slot;
-    near[num++] = fields_near;
+    near[num++] = &fields_near;
   }
 };
 
@@ -34,7 +34,13 @@ template <class Sample, int kFields>
   for (int k = 0; k < kFields; ++k) {
     VecI(&is_touching)[kMaxVectors] = to.is_touching[k];
     for (int i = 0; i < to.num; ++i) {
-      is_touching[i] = splat(-static_cast<std::int32_t>(to.near[i] >> k & 1));
+      is_touching[i] = splat(-static_cast<std::int32_t>(to.near[i]->bits >> k & 1));
+      const DepthTile& bound = to.near[i]->bounds[k];
+      if (!is_known(bound)) continue;
+      // A little more than rounding may lower what is sampled.
+      const Lanes& e = to.lanes[i];
+      const VecF distance = bound.min_slope * (bound.nearest - e.depth);
+      if (mask_bits(distance > 1.0001f * e.radius + 1e-6f) == kAllLanes) is_touching[i] = VecI{};
     }
     sample_together<kMaxVectors>(grid, fields[k], to.lanes, is_touching, to.num, 1, to.samples[k]);
     for (int i = 0; i < to.num; ++i) {
@@ -60,14 +66,14 @@ template <class Sample, int kFields>
 template <class Sample, int kFields, class F>
 [[gnu::always_inline]] inline void for_each_near(const MeasureJob& job, const Grid& grid,
                                                  const Pixels (&fields)[kFields], int group,
-                                                 const std::uint32_t (&near)[kNumClusters],
+                                                 const NearFields<kFields> (&near)[kNumClusters],
                                                  Answers<Sample, kFields>& answers, const F& f) {
   constexpr int kMaxVectors = Answers<Sample, kFields>::kMaxVectors;
   for (int number = 0; number < kNumClusters;) {
     int numbers[kMaxVectors], first[kMaxVectors], num = 0;
     answers.num = 0;
     for (; number < kNumClusters; ++number) {
-      if (near[number] == 0) continue;
+      if (near[number].bits == 0) continue;
       const int cluster = group * kNumClusters + number;
       const int num_vectors = (job.clusters->num_spheres(cluster) + kLanes - 1) / kLanes;
       if (answers.num + num_vectors > kMaxVectors) break;
@@ -89,7 +95,7 @@ template <class Sample, int kFields>
   GroupTotals<kWithStiffness> totals[kFields], blended[kFields];
   NoiseWriter noise(job.noise, group);
   if (noise.wants()) totals[0].noise = &noise;
-  std::uint32_t near[kNumClusters];
+  NearFields<kFields> near[kNumClusters];
   if (!find_near<kFields>(job, group, near)) {
     noise.finish();
     std::fill_n(to, kFields, GroupSums{});
@@ -103,10 +109,11 @@ template <class Sample, int kFields>
   for (int k = 0; k < kFields; ++k) fields[k] = pixels_of(job.fields[k]);
   Answers<Sample, kFields> answers;
   Wholes<kWithStiffness> wholes[kFields];
+  const NearFields<kFields> all{(1u << kFields) - 1, {}};
   if (job.first_ball >= kMinWholes) {
     const std::size_t begin = static_cast<std::size_t>(group) * kNumClusters;
     for (int i = 0; i < kNumWholes; ++i) {
-      answers.add(begin + static_cast<std::size_t>(i * kLanes), (1u << kFields) - 1);
+      answers.add(begin + static_cast<std::size_t>(i * kLanes), all);
     }
     query_elements<Sample, kFields>(job.wholes, job.frame, grid, fields, answers);
     for (int i = 0; i < kNumWholes; ++i) {
@@ -116,9 +123,13 @@ template <class Sample, int kFields>
       }
     }
   }
+  // All parts of a ball count: none is left out.
   for (int number = 0; number < kNumClusters; ++number) {
+    if (group * kNumClusters + number >= job.first_ball) {
+      std::fill_n(near[number].bounds, kFields, DepthTile{});
+    }
     for (int k = 0; k < kFields; ++k) {
-      if (wholes[k].share(number) >= 1) near[number] &= ~(1u << k);
+      if (wholes[k].share(number) >= 1) near[number].bits &= ~(1u << k);
     }
   }
   for_each_near(job, grid, fields, group, near, answers, [&](int number, int first) {
@@ -126,7 +137,7 @@ template <class Sample, int kFields>
     const std::size_t begin = static_cast<std::size_t>(cluster) * kSize;
     const int num_vectors = (job.clusters->num_spheres(cluster) + kLanes - 1) / kLanes;
     for (int k = 0; k < kFields; ++k) {
-      if ((near[number] >> k & 1) == 0) continue;
+      if ((near[number].bits >> k & 1) == 0) continue;
       const float share = wholes[k].share(number);
       if (share > 0) {
         blended[k] = GroupTotals<kWithStiffness>{};
@@ -180,7 +191,7 @@ void measure_group(const MeasureJob& job, int group, bool with_stiffness, GroupS
 
 // Writes the planes that cut whole spheres.
 void describe_group(const MeasureJob& job, int group, const SphereCuts& to) {
-  std::uint32_t near[kNumClusters];
+  NearFields<1> near[kNumClusters];
   if (!find_near<1>(job, group, near)) return;
   const Grid grid(job.fields[0]);
   const Pixels fields[] = {pixels_of(job.fields[0])};

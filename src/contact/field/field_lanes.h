@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <limits>
 
 #include "src/contact/field/field_contact.h"
 #include "src/core/internal/simd.h"
@@ -15,6 +16,7 @@ inline constexpr int kSize = SphereClusters::kSize;
 
 // Camera and level sizes of a query; the levels' places lie ready to be looked up.
 struct Grid : FieldGrid {
+  Grid() = default;
   explicit Grid(const DepthFieldView& view) : FieldGrid(grid_of(view)) {
     std::copy(std::begin(start), std::end(start), starts.entries);
   }
@@ -104,44 +106,77 @@ struct Vectors {
 };
 using Look = PixelLook<Vectors>;
 
-// Bits of the fields near a ball: the tiles that its elements can sample are not all well behind
-// it. In the others every plane is at least the largest radius away from every element.
-template <int kFields>
-std::uint32_t fields_near(const MeasureJob& job, const Cluster& ball, float largest_radius) {
-  constexpr std::uint32_t kAll = (1u << kFields) - 1;
-  const int tiles_wide = job.fields[0].tiles_wide, tiles_high = job.fields[0].tiles_high;
-  const BallWindow window = window_of(job.frame, ball, largest_radius, tiles_wide, tiles_high);
-  if (!window.is_before_camera()) return window.farthest < kMinDepth ? 0 : kAll;
-  std::uint32_t near = 0;
-  for (int v = window.top; v <= window.bottom && near != kAll; ++v) {
+/// True if all planes of a field in the tiles of a window are well behind a ball.
+inline bool are_behind(const DepthFieldView& field, const BallWindow& window, float distance) {
+  for (int v = window.top; v <= window.bottom; ++v) {
+    const DepthTile* const row = field.tiles + v * field.tiles_wide;
     for (int u = window.left; u <= window.right; ++u) {
-      for (int k = 0; k < kFields; ++k) {
-        const DepthTile& tile = job.fields[k].tiles[v * tiles_wide + u];
-        if (!is_behind(tile, window.farthest, largest_radius)) near |= 1u << k;
-      }
+      if (!is_behind(row[u], window.farthest, distance)) return false;
     }
   }
-  return near;
+  return true;
+}
+/// Bound of these planes; none if it does not show that the front half of the ball is free, or if
+/// it costs more than it is worth.
+inline DepthTile bound_of(const DepthFieldView& field, const BallWindow& window, float distance) {
+  constexpr float kFar = std::numeric_limits<float>::infinity();
+  constexpr int kMaxTiles = 24;
+  if (window.num_tiles() > kMaxTiles) return {};
+  const float middle = 0.5f * (window.nearest + window.farthest);
+  DepthTile all{kFar, kFar};
+  for (int v = window.top; v <= window.bottom; ++v) {
+    const DepthTile* const row = field.tiles + v * field.tiles_wide;
+    for (int u = window.left; u <= window.right; ++u) {
+      all = {std::min(all.nearest, row[u].nearest), std::min(all.min_slope, row[u].min_slope)};
+      if (!is_behind(all, middle, distance)) return {};
+    }
+  }
+  return all;
+}
+inline bool is_known(const DepthTile& bound) { return bound.nearest > 0; }
+
+/// Fields near a ball: the tiles that its elements can sample are not all well behind it. In the
+/// others every plane is at least the largest radius away from every element.
+template <int kFields>
+struct NearFields {
+  std::uint32_t bits = 0;
+  DepthTile bounds[kFields];  ///< of those near, for elements in the front of the ball
+};
+template <int kFields>
+void find_near(const MeasureJob& job, const Cluster& ball, float largest_radius, bool wants_bounds,
+               NearFields<kFields>& near) {
+  const DepthFieldView& field = job.fields[0];
+  const BallWindow window =
+      window_of(job.frame, ball, largest_radius, field.tiles_wide, field.tiles_high);
+  if (!window.is_before_camera()) {
+    if (!(window.farthest < kMinDepth)) near.bits = (1u << kFields) - 1;
+    return;
+  }
+  for (int k = 0; k < kFields; ++k) {
+    if (are_behind(job.fields[k], window, largest_radius)) continue;
+    near.bits |= 1u << k;
+    if (wants_bounds) near.bounds[k] = bound_of(job.fields[k], window, largest_radius);
+  }
 }
 
-/// Finds the fields near each cluster of a group, as bits. Returns false if none is, by the group.
+/// Finds the fields near each cluster of a group. Returns false if none is, by the group.
 template <int kFields>
 [[gnu::always_inline]] inline bool find_near(
-    const MeasureJob& job, int group, std::uint32_t (&near)[SphereClusters::kClustersPerGroup]) {
+    const MeasureJob& job, int group,
+    NearFields<kFields> (&near)[SphereClusters::kClustersPerGroup]) {
   const SphereClusters& clusters = *job.clusters;
   const int first = group * SphereClusters::kClustersPerGroup;
   const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
   const float* const largest = job.largest_radius;
-  if (fields_near<kFields>(job, clusters.groups[static_cast<std::size_t>(group)],
-                           *std::max_element(largest + first, largest + last)) == 0) {
-    return false;
-  }
+  NearFields<kFields> around;
+  find_near(job, clusters.groups[static_cast<std::size_t>(group)],
+            *std::max_element(largest + first, largest + last), false, around);
+  if (around.bits == 0) return false;
   std::uint32_t any = 0;
-  std::fill(std::begin(near), std::end(near), 0);
   for (int cluster = first; cluster < last; ++cluster) {
-    near[cluster - first] = fields_near<kFields>(
-        job, clusters.clusters[static_cast<std::size_t>(cluster)], largest[cluster]);
-    any |= near[cluster - first];
+    find_near(job, clusters.clusters[static_cast<std::size_t>(cluster)], largest[cluster], true,
+              near[cluster - first]);
+    any |= near[cluster - first].bits;
   }
   return any != 0;
 }

@@ -117,12 +117,13 @@ ContactStatus DepthHull::take(const SurfaceBlend& view, const Pose& X_WT, int nu
   camera.is_remembered = !job.is_alone && is_remembered(to);
   camera.has_in_front = job.is_alone && has_in_front(to);
   job.has_memory |= camera.is_remembered;
+  MeasureJob tool = measure_job(*elements_);
+  tool.num_fields = seats.num_moments;
+  tool.frame = frame_of(to.field.intrinsics, seats.X_CT[0], p_TC_);
   const auto show = [&](MeasureJob& fields, DepthFieldView SurfaceView::*field) {
-    fields = measure_job(*elements_);
+    fields = tool;
     fields.fields[0] = to.*field;
     fields.fields[1] = from.*field;
-    fields.num_fields = seats.num_moments;
-    fields.frame = frame_of(to.field.intrinsics, seats.X_CT[0], p_TC_);
   };
   const bool sees = is_seen(to, job.is_alone);
   show(camera.field, &SurfaceView::field);
@@ -134,8 +135,8 @@ ContactStatus DepthHull::take(const SurfaceBlend& view, const Pose& X_WT, int nu
   show(camera.remembered, is_remembered(to) ? &SurfaceView::remembered : &SurfaceView::field);
   camera.progress = static_cast<float>(progress);
   camera.has_moved = seats.has_moved;
-  camera.older = measure_job(*elements_);
-  camera.older.frame = frame_of(to.field.intrinsics, seats.X_CT[1], p_TC_);
+  camera.older = tool;
+  if (seats.has_moved) camera.older.frame = frame_of(to.field.intrinsics, seats.X_CT[1], p_TC_);
   seats.write_rotations(camera.R_WC);
   leave_out(view, seats, camera);
   const bool is_solid_behind = to.field.thickness >= static_cast<float>(kSolidBehind);

@@ -3,55 +3,101 @@
 // The words are explained in hull_kernel.cpp. Included by that file only.
 #pragma once
 
-#include "src/contact/field/ball_totals.h"
-#include "src/contact/hull/depth_hull.h"
-#include "src/contact/hull/hull_eyes.h"
+#include "src/contact/hull/hull_looks.h"
 #include "src/contact/hull/kept_elements.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 
 // Joined values of the cameras for the elements of a cluster, or for clusters as one ball each.
 template <class Sample>
-class Hull {
+class Hull : public HullLooks<Sample> {
+  using Looks = HullLooks<Sample>;
+
  public:
   using Space = InSpace<Sample>;
 
-  /// `freed_by`: the camera that is asked first, as it has seen elements to be free last.
-  Hull(const HullJob& job, const Eye* eyes, int& freed_by)
-      : job_(job), eyes_(eyes), freed_by_(freed_by) {
-    for (int k = 0; k < job.num_cameras; ++k) new (answers_ + k) EyeAnswer<Sample>;
+  Hull(const HullJob& job, const Eye* eyes, int& freed_by) : Looks(job, eyes, freed_by) {
     may_pack_ =
         !job.is_alone && !job.has_memory && job.num_seeing > 1 && job.tool.noise.num == nullptr;
     for (int k = 0; k < job.num_seeing; ++k) may_pack_ &= job.cameras[k].may_see();
   }
 
-  // Announces the elements that are sampled next, and a ball that contains those with a value.
-  void aim_at(const Cluster& ball, float largest_radius, const ElementRows& rows) {
-    rows_ = rows;
-    for (int k = 0; k < job_.num_cameras; ++k) {
-      const HullCamera& camera = job_.cameras[k];
-      answers_[k].queries_in_front =
-          camera.has_in_front &&
-          !sees_free(camera, camera.in_front, ball, largest_radius, front_limit(largest_radius));
-    }
-  }
-
   // Returns bits of `num` vectors from `slot` on, without those that some camera sees to be free.
   std::uint32_t evaluate(std::size_t slot, bool is_ball, int num) {
     start(rows_, slot, is_ball, num);
-    if (!look(freed_by_, open_)) return 0;
-    const std::uint32_t vectors = open_;
-    const bool is_packed = !is_ball && may_pack_ && pack(vectors);
-    if (!look_on(freed_by_)) return 0;
-    join_seen_free();
-    for_each(open_, [&](int i) {
-      if (job_.has_memory) join_remembered(i);
-      join_fields(i);
+    if (!look(freed_by_, open_) || !look_on(freed_by_)) return 0;
+    join();
+    return open_;
+  }
+
+  // True if elements of several clusters may be evaluated together.
+  bool may_pack() const { return may_pack_; }
+  // Begins with none of those announced, of slots from `first` on.
+  void begin(std::size_t first) {
+    for (KeptElements<Sample>* const list : {&added_, &shallow_, &deep_}) list->begin(first);
+  }
+  // Adds the elements of a vector that the bounds of no camera show to be free: those with values
+  // above `enough` are.
+  void add(std::size_t slot, VecF enough, const Bounds& bounds) {
+    const VecI is_open =
+        (load(rows_.radius + slot) > VecF{}) & ~is_free_by(job_, bounds, rows_, slot, enough);
+    const std::uint32_t bits = mask_bits(is_open);
+    if (bits != 0) added_.add(rows_, slot, enough, bits);
+  }
+  // Evaluates what was added, in full vectors. The first camera is asked about all; what it does
+  // not see to be free goes on, apart from each other what lies deep, for which more is sampled,
+  // and what does not.
+  void evaluate_added() {
+    const int first = freed_by_;
+    const Eye& eye = eyes_[first];
+    EyeAnswer<Sample>& answer = answers_[first];
+    for_each_vectors(added_, [&](int place) {
+      look(first, open_);
+      for (int i = 0; i < num_; ++i) {
+        VecI is_deep{};
+        for (int f = 0; f < eye.num_fields; ++f) {
+          is_deep |= first_of(answer.samples[f][i]).phi < -deep_limit(radius_[i]);
+        }
+        const auto keep = [&](KeptElements<Sample>& list, VecI which) {
+          list.add(added_, place + i * kLanes, shallowest_[i], answer.samples, i, eye.num_fields,
+                   mask_bits(which & ~is_free_[i]));
+        };
+        keep(shallow_, ~is_deep);
+        keep(deep_, is_deep);
+      }
     });
-    if (!is_packed) return open_;
-    unpack(vectors, slot);
+    for (KeptElements<Sample>* const list : {&shallow_, &deep_}) {
+      for_each_vectors(*list, [&](int place) {
+        const std::uint32_t vectors = answer.used = open_;
+        for (int i = 0; i < num_; ++i) {
+          shallowest_[i] = list->shallowest(place + i * kLanes);
+          list->read(place + i * kLanes, answer.samples, i, eye.num_fields);
+        }
+        if (eye.num_fields > 1) is_between_ = vectors;
+        take_seats(eye, vectors, answer);
+        if (look_on(first)) join();
+        for (int i = 0; i < num_; ++i) {
+          list->set(place + i * kLanes, (open_ >> i & 1) != 0 ? joined[i] : free(radius_[i]));
+        }
+      });
+      list->finish();
+    }
+  }
+  // Returns bits of `num` vectors from `slot` on whose elements were not all seen to be free, and
+  // takes their values; call it for one slot after the other.
+  std::uint32_t take(std::size_t slot, int num) {
+    std::uint32_t vectors = 0;
+    for (int i = 0; i < num; ++i) {
+      const std::size_t at = slot + static_cast<std::size_t>(i * kLanes);
+      if ((shallow_.lanes(at) | deep_.lanes(at)) == 0) continue;
+      vectors |= 1u << i;
+      joined[i] = free(load(rows_.radius + at));
+      shallow_.take(at, joined[i]);
+      deep_.take(at, joined[i]);
+    }
     return vectors;
   }
+
   // True if every element has a value. A single camera knows nothing of the space behind its eye.
   bool is_complete(int i) const {
     if (!job_.is_alone) return true;
@@ -80,130 +126,41 @@ class Hull {
  private:
   using Agreed = AgreedViews<Space, VecF, VecI>;
   using Least = LeastView<Space, VecF, VecI>;
+  using Looks::answers_, Looks::enough_, Looks::extent_, Looks::eyes_, Looks::freed_by_,
+      Looks::is_between_, Looks::is_free_, Looks::job_, Looks::look, Looks::look_on, Looks::nowhere,
+      Looks::num_, Looks::open_, Looks::query, Looks::radius_, Looks::rows_, Looks::shallowest_,
+      Looks::start, Looks::take_seats;
 
-  std::size_t slot_of(int i) const { return slot_ + static_cast<std::size_t>(i * kLanes); }
-
-  // Begins with `num` vectors of elements.
-  void start(const ElementRows& rows, std::size_t slot, bool is_ball, int num) {
-    sampled_ = rows;
-    slot_ = slot;
-    open_ = (1u << num) - 1;
-    is_ball_ = is_ball;
-    is_between_ = 0;
-    for (int i = 0; i < num; ++i) {
-      radius_[i] = load(sampled_.radius + slot_of(i));
-      extent_[i] = extent_of(radius_[i], is_ball, i);
-      is_free_[i] = VecI{};
-      shallowest_[i] = splat(-1e9f);
+  // Begins with some vectors of a list after the other, each time calling f(place of the first).
+  template <class F>
+  void for_each_vectors(KeptElements<Sample>& list, const F& f) {
+    const ElementRows rows = list.rows();
+    const int num = list.num_vectors();
+    for (int first = 0; first < num; first += kNumVectors) {
+      const int place = first * kLanes;
+      start(rows, static_cast<std::size_t>(place), false, std::min(num - first, kNumVectors));
+      for (int i = 0; i < num_; ++i) {
+        is_free_[i] = list.is_beyond(place + i * kLanes);
+        enough_[i] = list.enough(place + i * kLanes);
+      }
+      f(place);
     }
   }
+  // Returns the value of elements that some camera sees to be free.
+  static Joined free(VecF radius) {
+    Joined away;
+    set(away.hull, SpaceGradient<VecF>{2.0f * radius});
+    away.seen_phi = 2.0f * radius;
+    return away;
+  }
 
-  // Goes on with the elements alone that the first camera does not see to be free, if these fill
-  // fewer vectors.
-  bool pack(std::uint32_t vectors) {
-    const int num = kept_.begin(vectors, is_free_);
-    if (num == __builtin_popcount(vectors)) return false;
-    const Eye& eye = eyes_[freed_by_];
-    EyeAnswer<Sample>& answer = answers_[freed_by_];
-    for_each(vectors, [&](int i) {
-      kept_.pack(i, rows_, slot_of(i), shallowest_[i], answer, eye.num_fields);
-    });
-    start(kept_.rows(), 0, false, num);
+  // Joins all that was asked for.
+  void join() {
+    join_seen_free();
     for_each(open_, [&](int i) {
-      is_free_[i] = kept_.is_beyond(i);
-      shallowest_[i] = kept_.shallowest(i);
-      kept_.read(i, answer, eye.num_fields);
+      if (job_.has_memory) join_remembered(i);
+      join_fields(i);
     });
-    answer.used = open_;
-    if (eye.num_fields > 1) is_between_ = open_;
-    take_seats(eye, open_, answer);
-    return true;
-  }
-  // Returns joined values to the vectors that were packed, from `slot` on; all other elements are
-  // free.
-  void unpack(std::uint32_t vectors, std::size_t slot) {
-    const auto free = [](VecF radius) {
-      Joined away;
-      set(away.hull, SpaceGradient<VecF>{2.0f * radius});
-      away.seen_phi = 2.0f * radius;
-      return away;
-    };
-    for_each(answers_[freed_by_].used,
-             [&](int i) { kept_.keep(i, (open_ >> i & 1) != 0 ? joined[i] : free(radius_[i])); });
-    for_each(vectors, [&](int i) {
-      joined[i] = free(load(rows_.radius + slot + static_cast<std::size_t>(i * kLanes)));
-      kept_.unpack(i, joined[i]);
-    });
-  }
-
-  // Takes the first samples of the other cameras, until all elements are free by one.
-  bool look_on(int first) {
-    for (const bool may_see : {true, false}) {
-      for (int k = 0; k < job_.num_seeing; ++k) {
-        if (k == first || job_.cameras[k].may_see() != may_see) continue;
-        std::uint32_t vectors = open_;
-        if (!may_see) for_each(open_, [&](int i) { vectors &= ~(cannot_decide(k, i) << i); });
-        if (!look(k, vectors)) {
-          if (may_see) freed_by_ = k;
-          return false;
-        }
-      }
-    }
-    return true;
-  }
-
-  // 1 if the bound of a camera that does not see the tool is far below the other values.
-  std::uint32_t cannot_decide(int k, int i) const {
-    // Wider pixels may make a deep element half as deep again.
-    const VecF least = min(shallowest_[i], 1.5f * shallowest_[i]) - 3.0f * agreement(radius_[i]);
-    const VecI counts = is_ball_ ? splat(-1) : ~is_free_[i];
-    return mask_bits(counts & ~(least > splat(job_.cameras[k].at_most))) == 0;
-  }
-
-  // Takes the first sample of one camera for some vectors. False: now all elements are free.
-  bool look(int k, std::uint32_t vectors) {
-    const Eye& eye = eyes_[k];
-    const MeasureJob& seen = eye.camera->seen_free;
-    EyeAnswer<Sample>& answer = answers_[k];
-    std::uint32_t free = 0;
-    answer.used = vectors;
-    if (eye.num_fields > 1) is_between_ |= vectors;
-    for (int seat = 0; seat <= eye.seat(eye.num_fields - 1); ++seat) {
-      take_seat(eye.seen_free.grid, seat == 0 ? seen : eye.camera->older, vectors, seat, answer);
-    }
-    for (int f = 0; f < eye.num_fields; ++f) {
-      const Lanes* const lanes = answer.lanes[eye.seat(f)];
-      sample(eye.seen_free, f, lanes, vectors, answer.samples[f]);
-      if (answer.queries_in_front) sample(eye.in_front, f, lanes, vectors, answer.in_front[f]);
-    }
-    for_each(vectors, [&](int i) {
-      VecF phi[2];
-      const VecF radius = radius_[i], extent = extent_[i];
-      for (int f = 0; f < eye.num_fields; ++f) {
-        const VecF before = answer.before[eye.seat(f)][i];
-        phi[f] = limited(first_of(answer.samples[f][i]).phi, radius, extent).value;
-        if (answer.queries_in_front) phi[f] = min(phi[f], first_of(answer.in_front[f][i]).phi);
-        if (job_.is_alone) {
-          phi[f] = select(before > VecF{}, phi[f], free_limit(radius, extent));
-        } else if (eye.camera->has_moved) {
-          phi[f] = min(phi[f], before);
-        }
-      }
-      VecF now = phi[0];
-      if (eye.num_fields > 1) {
-        now = phi[1] + splat(eye.camera->progress) * (phi[0] - phi[1]);
-      }
-      if (!eye.camera->has_moved && !job_.is_alone) now = min(now, answer.before[0][i]);
-      shallowest_[i] = max(shallowest_[i], now);
-      // Rounding lowers the lesser of two by no more than this.
-      VecF limit = extent + free_margin(job_.num_seeing, radius);
-      if (answer.queries_in_front) limit += front_margin(radius);
-      is_free_[i] |= now > limit;
-      if (mask_bits(~is_free_[i]) == 0) free |= 1u << i;
-    });
-    // The plane of a ball asks all of its parts, so that its bits do not depend on the vectors.
-    if (!is_ball_ || free == open_) open_ &= ~free;
-    return open_ != 0;
   }
 
   // Joins the seen-free space of the cameras: the maximum. Only the camera with the smallest depth
@@ -217,7 +174,6 @@ class Hull {
                                             ? splat(-1)
                                             : shallowest_[i] < limit + agreement(radius_[i]));
     });
-    Agreed seen[kNumVectors];
     for (int k = 0; k < job_.num_seeing; ++k) {
       const Eye& eye = eyes_[k];
       EyeAnswer<Sample>& answer = answers_[k];
@@ -229,31 +185,33 @@ class Hull {
         if (!answer.queries_in_front) continue;
         deepen(eye.in_front, f, lanes, may_be_deep, vectors, answer.in_front[f]);
       }
-      for_each(vectors, [&](int i) { seen[i].add(seen_by(eye, answer, i), k, radius_[i]); });
     }
-    for_each(open_, [&](int i) { joined[i].see(seen[i]); });
+    for_each(open_, [&](int i) {
+      Agreed seen;
+      for (int k = 0; k < job_.num_seeing; ++k) {
+        if ((answers_[k].used >> i & 1) == 0) continue;
+        seen.add(seen_by(eyes_[k], answers_[k], i), k, radius_[i]);
+      }
+      joined[i].see(seen);
+    });
   }
 
   // Returns the seen-free space of a camera, in the world.
   Space seen_by(const Eye& eye, EyeAnswer<Sample>& answer, int i) {
     const FieldFrame& frame = eye.camera->field.frame;
-    Space moments[2];
-    for (int f = 0; f < eye.num_fields; ++f) {
+    const Space here = between(eye, [&](int f) {
       const int seat = eye.seat(f);
       const float(&R_WC)[3][3] = eye.camera->R_WC[seat];
       const Lanes& lanes = answer.lanes[seat][i];
-      moments[f] = in_world(R_WC, frame, lanes, answer.samples[f][i], radius_[i], extent_[i]);
+      Space space = in_world(R_WC, frame, lanes, answer.samples[f][i], radius_[i], extent_[i]);
       if (answer.queries_in_front) {
         answer.front[f][i] = rotated_to_world(R_WC, frame, lanes, answer.in_front[f][i]);
-        moments[f] = lesser_of(moments[f], answer.front[f][i], hull_width(radius_[i]));
+        space = lesser_of(space, answer.front[f][i], hull_width(radius_[i]));
       }
-      if (job_.is_alone) {
-        moments[f] = chosen(answer.before[seat][i] > VecF{}, moments[f], nowhere(i));
-      } else if (eye.camera->has_moved) {
-        moments[f] = limited_by_eye(R_WC, moments[f], answer.before[seat][i], i);
-      }
-    }
-    const Space here = between(eye, moments);
+      if (job_.is_alone) return chosen(answer.before[seat][i] > VecF{}, space, nowhere(i));
+      if (!eye.camera->has_moved) return space;
+      return limited_by_eye(R_WC, space, answer.before[seat][i], i);
+    });
     if (eye.camera->has_moved || job_.is_alone) return here;
     return limited_by_eye(eye.camera->R_WC[0], here, answer.before[0][i], i);
   }
@@ -269,14 +227,13 @@ class Hull {
     for (int k = 0; k < job_.num_seeing; ++k) {
       if (!job_.cameras[k].may_see()) continue;
       const Eye& eye = eyes_[k];
-      Space moments[2];
-      for (int f = 0; f < eye.num_fields; ++f) {
+      const Space here = between(eye, [&](int f) {
         const int seat = eye.seat(f);
-        moments[f] = chosen(answers_[k].before[seat][i] > VecF{},
-                            evaluate(eye, eye.in_front, f, answers_[k].lanes[seat][i], counts, i),
-                            nowhere(i));
-      }
-      shown.add(between(eye, moments), k, radius_[i]);
+        return chosen(answers_[k].before[seat][i] > VecF{},
+                      query(eye, eye.in_front, f, answers_[k].lanes[seat][i], counts, i),
+                      nowhere(i));
+      });
+      shown.add(here, k, radius_[i]);
       counts &= first_of(shown.value).phi > phi();
       if (mask_bits(counts) == 0) return;
     }
@@ -299,15 +256,12 @@ class Hull {
     const Eye& eye = eyes_[k];
     EyeAnswer<Sample>& answer = answers_[k];
     if (k >= job_.num_seeing || (answer.used >> i & 1) == 0) take_seats(eye, 1u << i, answer);
-    Space moments[2];
-    for (int f = 0; f < eye.num_fields; ++f) {
+    const Space here = between(eye, [&](int f) {
       const int seat = eye.seat(f);
-      moments[f] = evaluate(eye, eye.remembered, f, answer.lanes[seat][i], counts, i);
-      if (eye.camera->has_moved) {
-        moments[f] = limited_by_eye(eye.camera->R_WC[seat], moments[f], answer.before[seat][i], i);
-      }
-    }
-    const Space here = between(eye, moments);
+      const Space space = query(eye, eye.remembered, f, answer.lanes[seat][i], counts, i);
+      if (!eye.camera->has_moved) return space;
+      return limited_by_eye(eye.camera->R_WC[seat], space, answer.before[seat][i], i);
+    });
     if (eye.camera->has_moved) return here;
     return limited_by_eye(eye.camera->R_WC[0], here, answer.before[0][i], i);
   }
@@ -324,73 +278,29 @@ class Hull {
       if (!job_.cameras[k].may_see()) continue;
       const Eye& eye = eyes_[k];
       if (k >= job_.num_seeing) take_seats(eye, 1u << i, answers_[k]);
-      Space moments[2];
-      for (int f = 0; f < eye.num_fields; ++f) {
+      const Space here = between(eye, [&](int f) {
         const int seat = eye.seat(f);
-        moments[f] = evaluate(eye, eye.field, f, answers_[k].lanes[seat][i], is_touching, i);
-        if (answers_[k].queries_in_front) {
-          moments[f] = lesser_of(moments[f], answers_[k].front[f][i], width);
-        }
-        moments[f] = chosen(answers_[k].before[seat][i] > VecF{}, moments[f], nowhere(i));
-      }
-      least.add(between(eye, moments), k, radius_[i]);
+        Space space = query(eye, eye.field, f, answers_[k].lanes[seat][i], is_touching, i);
+        if (answers_[k].queries_in_front) space = lesser_of(space, answers_[k].front[f][i], width);
+        return chosen(answers_[k].before[seat][i] > VecF{}, space, nowhere(i));
+      });
+      least.add(here, k, radius_[i]);
       const VecF phi = first_of(least.value).phi + later;
       if (mask_bits(is_touching & (phi > first_of(joined[i].hull).phi - width.w)) == 0) return;
     }
     joined[i].close(least, radius_[i], is_touching);
   }
 
-  // Returns the value of space that no surface is near to.
-  Space nowhere(int i) const {
-    Space space;
-    set(space, SpaceGradient<VecF>{free_limit(radius_[i], extent_[i])});
-    return space;
-  }
-  // Makes space behind the camera unseen, and that near its eye.
+  // Makes space behind the camera unseen, and that near its eye; most is far from it.
   Space limited_by_eye(const float (&R_WC)[3][3], const Space& seen, VecF before, int i) const {
+    const VecF near = first_of(seen).phi - before + hull_width(radius_[i]).w;
+    if (mask_bits((before > VecF{}) & (near < VecF{})) == kAllLanes) return seen;
     return before_eye(R_WC, chosen(before > VecF{}, seen, nowhere(i)), before, radius_[i]);
   }
 
-  // Places vectors of elements in a camera, at one of its seats.
-  void take_seat(const Grid& grid, const MeasureJob& job, std::uint32_t vectors, int seat,
-                 EyeAnswer<Sample>& answer) const {
-    for_each(vectors, [&](int i) {
-      Lanes& e = answer.lanes[seat][i] = aim(sampled_, job.frame, grid, slot_of(i));
-      answer.before[seat][i] = e.lz + (job.frame.p_WC[2] - kMinDepth);
-    });
-  }
-  // At all its seats.
-  void take_seats(const Eye& eye, std::uint32_t vectors, EyeAnswer<Sample>& answer) const {
-    for (int seat = 0; seat <= eye.seat(eye.num_fields - 1); ++seat) {
-      take_seat(eye.field.grid, seat == 0 ? eye.camera->field : eye.camera->older, vectors, seat,
-                answer);
-    }
-  }
-
-  // Samples a field at moment f for one vector, in the world.
-  Space evaluate(const Eye& eye, const FieldPair& field, int f, const Lanes& e, VecI which, int i) {
-    const VecI all = splat(-1);
-    Sample sampled;
-    sample_together<1>(field.grid, field.pixels[f], &e, &all, 1, 1, &sampled);
-    deepen_together<1>(field.grid, field.pixels[f], &e, &which, 1, &sampled);
-    return in_world(eye.camera->R_WC[eye.seat(f)], eye.camera->field.frame, e, sampled, radius_[i],
-                    extent_[i]);
-  }
-
-  const HullJob& job_;
-  const Eye* eyes_;
-  int& freed_by_;
-  ElementRows rows_, sampled_;  // announced, and those of them that are sampled
-  bool may_pack_ = false;       // elements that the first camera sees to be free are left out
-  union {
-    EyeAnswer<Sample> answers_[kMaxCameras];  // as many as there are cameras
-  };
-  VecF shallowest_[kNumVectors], radius_[kNumVectors], extent_[kNumVectors];
-  VecI is_free_[kNumVectors], may_touch_[kNumVectors];
-  KeptElements<Sample> kept_;
-  std::size_t slot_ = 0;
-  std::uint32_t open_ = 0, is_between_ = 0;  // bits of vectors
-  bool is_ball_ = false;                     // a ball in parts
+  bool may_pack_ = false;  // elements that the first camera sees to be free are left out
+  VecI may_touch_[kNumVectors];
+  KeptElements<Sample> added_, shallow_, deep_;
 };
 
 }}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

@@ -33,10 +33,10 @@
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {
 
-/// Calls begin(hull, grid), then f(slot, elements in the world, hull, number in the cluster) for
-/// vectors of elements unless a camera sees that all are free, or begin has left their cluster out
-/// of `requested`, and end(cluster) after the vectors of a cluster if it was called for any of
-/// them.
+/// Calls begin(hull, grid, bounds), then f(slot, elements in the world, hull, number in the
+/// cluster) for vectors of elements unless a camera sees that all are free, or begin has left their
+/// cluster out of `requested`, and end(cluster) after the vectors of a cluster if it was called for
+/// any of them.
 template <class Sample, class Begin, class F, class End>
 [[gnu::always_inline]] inline void for_each_touching(const HullJob& job, int group,
                                                      std::uint32_t& requested, const Begin& begin,
@@ -50,28 +50,77 @@ template <class Sample, class Begin, class F, class End>
   const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
   const float largest =
       *std::max_element(job.tool.largest_radius + first, job.tool.largest_radius + last);
-  if (is_seen_free(job, clusters.groups[static_cast<std::size_t>(group)], largest, freed_by))
+  Bounds bounds;
+  if (is_seen_free(job, clusters.groups[static_cast<std::size_t>(group)], largest, freed_by,
+                   bounds)) {
     return;
+  }
   alignas(Eye) std::byte memory[kMaxCameras * sizeof(Eye)];
   Eye* const eyes = reinterpret_cast<Eye*>(memory);
-  for (int k = 0; k < job.num_cameras; ++k) new (eyes + k) Eye(job.cameras[k]);
+  for (int k = 0; k < job.num_cameras; ++k) new (eyes + k) Eye(job.cameras[k], job.has_memory);
   Hull<Sample> hull(job, eyes, freed_by);
-  begin(hull, eyes[0].field.grid);
-  for (int cluster = first; cluster < last; ++cluster) {
-    if ((requested >> (cluster - first) & 1) == 0) continue;
-    const Cluster& around = clusters.clusters[static_cast<std::size_t>(cluster)];
-    if (is_seen_free(job, around, job.tool.largest_radius[cluster], freed_by)) continue;
-    hull.aim_at(around, job.tool.largest_radius[cluster], job.tool.elements);
-    const bool is_ball = cluster >= job.tool.first_ball;
-    const auto first_slot = static_cast<std::size_t>(cluster * kSize);
-    const std::uint32_t touching = hull.evaluate(first_slot, is_ball, kNumVectors);
-    for (int i = 0; i < kNumVectors; ++i) {
-      if ((touching >> i & 1) == 0) continue;
-      const std::size_t slot = first_slot + static_cast<std::size_t>(i * kLanes);
+  begin(hull, eyes[0].field.grid, bounds);
+  const auto slot_of = [](int cluster) { return static_cast<std::size_t>(cluster * kSize); };
+  const auto is_open = [&](int cluster) {
+    return (requested >> (cluster - first) & 1) != 0 &&
+           !is_seen_free(job, clusters.clusters[static_cast<std::size_t>(cluster)],
+                         job.tool.largest_radius[cluster], freed_by, bounds);
+  };
+  const auto tell = [&](int cluster, std::uint32_t touching) {
+    for_each(touching, [&](int i) {
+      const std::size_t slot = slot_of(cluster) + static_cast<std::size_t>(i * kLanes);
       f(slot, aim(job.tool.elements, job.tool.frame, eyes[0].field.grid, slot), hull, i);
-    }
+    });
     if (touching != 0) end(cluster);
+  };
+  hull.announce(job.tool.elements);
+  const int apart = hull.may_pack() ? std::clamp(job.tool.first_ball, first, last) : first;
+  if (apart > first) {
+    hull.begin(slot_of(first));
+    for (int cluster = first; cluster < apart; ++cluster) {
+      if (!is_open(cluster)) continue;
+      for (int i = 0; i < kNumVectors; ++i) {
+        const std::size_t slot = slot_of(cluster) + static_cast<std::size_t>(i * kLanes);
+        hull.add(slot, load(job.tool.elements.radius + slot), bounds);
+      }
+    }
+    hull.evaluate_added();
+    for (int cluster = first; cluster < apart; ++cluster) {
+      tell(cluster, hull.take(slot_of(cluster), kNumVectors));
+    }
   }
+  for (int cluster = apart; cluster < last; ++cluster) {
+    if (!is_open(cluster)) continue;
+    hull.aim_at(clusters.clusters[static_cast<std::size_t>(cluster)],
+                job.tool.largest_radius[cluster]);
+    tell(cluster, hull.evaluate(slot_of(cluster), cluster >= job.tool.first_ball, kNumVectors));
+  }
+}
+
+/// Evaluates the clusters from `first` on as one ball each. Returns bits of the vectors that may
+/// lie deep.
+template <class Sample>
+std::uint32_t query_wholes(const HullJob& job, int first, const Bounds& bounds, Hull<Sample>& at) {
+  const ElementRows& wholes = job.tool.wholes;
+  const auto slot = static_cast<std::size_t>(first);
+  at.announce(wholes);
+  if (at.may_pack()) {
+    const bool is_between = std::any_of(job.cameras, job.cameras + job.num_seeing,
+                                        [](const HullCamera& k) { return k.field.num_fields > 1; });
+    at.begin(slot);
+    for (int i = 0; i < kNumClusters; i += kLanes) {
+      const std::size_t here = slot + static_cast<std::size_t>(i);
+      const VecF radius = load(wholes.radius + here);
+      // Nothing counts above -depth, unless wider pixels may still lower the value of a moment.
+      const VecF deep = max(-load(job.tool.whole_depth + here), -deep_limit(radius));
+      at.add(here, is_between ? radius : deep, bounds);
+    }
+    at.evaluate_added();
+    return at.take(slot, kNumWholes);
+  }
+  at.aim_at(job.tool.clusters->groups[slot / kNumClusters],
+            *std::max_element(wholes.radius + first, wholes.radius + first + kNumClusters));
+  return at.evaluate(slot, false, kNumWholes);
 }
 
 template <class Sample>
@@ -93,14 +142,10 @@ template <class Sample>
   };
   for_each_touching<Sample>(
       job, group, requested,
-      [&](Hull<Sample>& at, const Grid& grid) {
-        const float* const radii = job.tool.wholes.radius + first;
-        at.aim_at(job.tool.clusters->groups[static_cast<std::size_t>(group)],
-                  *std::max_element(radii, radii + kNumClusters), job.tool.wholes);
-        const int num_wholes = job.tool.first_ball >= kMinWholes ? kNumWholes : 0;
-        const std::uint32_t near =
-            num_wholes == 0 ? 0 : at.evaluate(static_cast<std::size_t>(first), false, num_wholes);
-        for (int i = 0; i < num_wholes; ++i) {
+      [&](Hull<Sample>& at, const Grid& grid, const Bounds& bounds) {
+        if (job.tool.first_ball < kMinWholes) return;
+        const std::uint32_t near = query_wholes(job, first, bounds, at);
+        for (int i = 0; i < kNumWholes; ++i) {
           const auto slot = static_cast<std::size_t>(first + i * kLanes);
           const bool is_near = (near >> i & 1) != 0;
           const Lanes e = aim(job.tool.wholes, job.tool.frame, grid, slot);
@@ -171,7 +216,7 @@ void measure_hull_group(const HullJob& job, int group, bool with_stiffness, Grou
 void describe_hull_group(const HullJob& job, int group, const SphereCuts& to) {
   std::uint32_t requested = (1u << kNumClusters) - 1;
   for_each_touching<Gradient>(
-      job, group, requested, [](Hull<Gradient>&, const Grid&) {},
+      job, group, requested, [](Hull<Gradient>&, const Grid&, const Bounds&) {},
       [&](std::size_t slot, const Lanes& e, Hull<Gradient>& at, int i) {
         const auto& joined = at.joined[i];
         const SpaceGradient<VecF>& g = joined.hull;

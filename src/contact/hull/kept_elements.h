@@ -1,5 +1,5 @@
-// Elements of a cluster that the first of several cameras does not see to be free, packed into full
-// vectors for the other cameras, and the way back. Included by hull_joins.h only.
+// Elements of a group that no camera is known to see free, packed into full vectors, and their
+// joined values, which go back to their own places. Included by hull_joins.h only.
 #pragma once
 
 #include "src/contact/hull/hull_eyes.h"
@@ -10,59 +10,76 @@ template <class Sample>
 class KeptElements {
  public:
   using Joined = JoinedViews<InSpace<Sample>, VecF, VecI>;
+  using Samples = Sample[2][kNumVectors];  // by moment
 
-  /// Begins with the lanes of some vectors. Returns the number of vectors that they fill.
-  int begin(std::uint32_t vectors, const VecI* is_free) {
-    num_ = taken_ = 0;
-    for_each(vectors, [&](int i) {
-      lanes_[i] = mask_bits(~is_free[i]);
-      num_ += __builtin_popcount(lanes_[i]);
-    });
-    return (num_ + kLanes - 1) / kLanes;
+  /// Begins with none, of slots from `first_slot` on.
+  void begin(std::size_t first_slot) {
+    first_slot_ = first_slot;
+    num_ = 0;
   }
-  /// Packs vector i: its elements, their value so far and its samples at the camera's moments.
-  void pack(int i, const ElementRows& rows, std::size_t slot, VecF shallowest,
-            const EyeAnswer<Sample>& answer, int num_moments) {
-    const VecF numbers[] = {load(rows.x + slot), load(rows.y + slot), load(rows.z + slot),
-                            load(rows.radius + slot), shallowest};
-    put(numbers, 0, taken_, lanes_[i]);
-    for (int f = 0; f < num_moments; ++f) {
-      put(answer.samples[f][i], kFirst + f * kNumbers, taken_, lanes_[i]);
-    }
-    taken_ += __builtin_popcount(lanes_[i]);
+  /// Adds lanes of a vector of elements; values above `enough` are free.
+  void add(const ElementRows& from, std::size_t slot, VecF enough, std::uint32_t bits) {
+    const auto first = static_cast<std::int32_t>(slot - first_slot_);
+    const VecF numbers[kFirst] = {load(from.x + slot), load(from.y + slot), load(from.z + slot),
+                                  load(from.radius + slot), enough};
+    compress_store(&places_[num_], lane_ids() + first, bits);
+    put(numbers, 0, num_, bits);
+    num_ += __builtin_popcount(bits);
   }
-  /// Returns them as elements; call it when all are packed.
+  /// Adds lanes of a vector of others, with their value so far and their samples by a camera.
+  void add(const KeptElements& from, int place, VecF shallowest, const Samples& samples, int i,
+           int num_moments, std::uint32_t bits) {
+    if (bits == 0) return;
+    VecF numbers[kFirst + 1];
+    for (int k = 0; k < kFirst; ++k) numbers[k] = load(&from.rows_[k][place]);
+    numbers[kFirst] = shallowest;
+    compress_store(&places_[num_], load(&from.places_[place]), bits);
+    put(numbers, 0, num_, bits);
+    for (int f = 0; f < num_moments; ++f) put(samples[f][i], row_of(f), num_, bits);
+    num_ += __builtin_popcount(bits);
+  }
+
+  /// Fills the last vector, and returns all as elements.
   ElementRows rows() {
-    for (float(&row)[kSlots] : rows_) store(&row[num_], splat(row[0]));
-    taken_ = 0;
+    for (int k = 0; k < kFirst; ++k) store(&rows_[k][num_], splat(rows_[k][0]));
     return {rows_[0], rows_[1], rows_[2], rows_[3], nullptr, nullptr};
   }
-  VecI is_beyond(int i) const { return lane_ids() + i * kLanes >= splat(num_); }
-  VecF shallowest(int i) const { return load(&rows_[kFirst - 1][i * kLanes]); }
-  void read(int i, EyeAnswer<Sample>& answer, int num_moments) const {
+  int num_vectors() const { return (num_ + kLanes - 1) / kLanes; }
+  VecI is_beyond(int place) const { return lane_ids() + place >= splat(num_); }
+  VecF enough(int place) const { return load(&rows_[kFirst - 1][place]); }
+  VecF shallowest(int place) const { return load(&rows_[kFirst][place]); }
+  void read(int place, Samples& samples, int i, int num_moments) const {
     for (int f = 0; f < num_moments; ++f) {
-      VecF* const numbers = reinterpret_cast<VecF*>(&answer.samples[f][i]);
-      for (int k = 0; k < kNumbers; ++k) {
-        numbers[k] = load(&rows_[kFirst + f * kNumbers + k][i * kLanes]);
-      }
+      VecF* const numbers = reinterpret_cast<VecF*>(&samples[f][i]);
+      for (int k = 0; k < kNumbers; ++k) numbers[k] = load(&rows_[row_of(f) + k][place]);
     }
   }
 
-  /// Keeps the joined values of packed vector i.
-  void keep(int i, const Joined& joined) { put(joined, 0, i * kLanes, (1u << kLanes) - 1); }
-  /// Puts them back to a vector, one after the other; other lanes stay as they are.
-  void unpack(int i, Joined& to) {
+  /// Replaces the vector at a place by its joined values.
+  void set(int place, const Joined& joined) { put(joined, 0, place, kAllLanes); }
+  /// Finds the slots of all; call it when all are set.
+  void finish() {
+    for (std::uint32_t& lanes : lanes_) lanes = 0;
+    for (int i = 0; i < num_; ++i) lanes_[places_[i] / kLanes] |= 1u << places_[i] % kLanes;
+    taken_ = 0;
+  }
+  /// Returns the lanes of a vector that are kept.
+  std::uint32_t lanes(std::size_t slot) const { return lanes_[(slot - first_slot_) / kLanes]; }
+  /// Puts the joined values of these lanes into it; the others stay as they are. Call it for one
+  /// slot after the other.
+  void take(std::size_t slot, Joined& to) {
     VecF* const numbers = reinterpret_cast<VecF*>(&to);
     for (std::size_t k = 0; k < sizeof to / sizeof(VecF); ++k) {
-      expand_load(&rows_[k][taken_], lanes_[i], numbers[k]);
+      expand_load(&rows_[k][taken_], lanes(slot), numbers[k]);
     }
-    taken_ += __builtin_popcount(lanes_[i]);
+    taken_ += __builtin_popcount(lanes(slot));
   }
 
  private:
-  static constexpr int kSlots = kSize + kLanes, kNumbers = sizeof(Sample) / sizeof(VecF);
-  static constexpr int kFirst = 5;  // row of the samples
-  static_assert(sizeof(Joined) / sizeof(VecF) <= kFirst + 2 * kNumbers);
+  static constexpr int kMax = SphereClusters::kClustersPerGroup * kSize, kSlots = kMax + kLanes;
+  static constexpr int kNumbers = sizeof(Sample) / sizeof(VecF), kFirst = 5;
+  static constexpr int row_of(int moment) { return kFirst + 1 + moment * kNumbers; }
+  static_assert(sizeof(Joined) / sizeof(VecF) <= row_of(2));
 
   template <class Numbers>
   [[gnu::always_inline]] void put(const Numbers& from, int row, int place, std::uint32_t bits) {
@@ -72,9 +89,11 @@ class KeptElements {
     }
   }
 
+  std::size_t first_slot_ = 0;
   int num_ = 0, taken_ = 0;
-  std::uint32_t lanes_[kNumVectors];
-  alignas(64) float rows_[kFirst + 2 * kNumbers][kSlots];
+  std::uint32_t lanes_[kMax / kLanes];
+  alignas(64) std::int32_t places_[kSlots];
+  alignas(64) float rows_[row_of(2)][kSlots];
 };
 
 }}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

@@ -32,6 +32,9 @@ typedef float VecF __attribute__((vector_size(PALPATE_LANES * 4), aligned(PALPAT
 typedef std::int32_t VecI
     __attribute__((vector_size(PALPATE_LANES * 4), aligned(PALPATE_LANES * 4)));
 
+/// A bit for each lane, as mask_bits has them.
+inline constexpr std::uint32_t kAllLanes = (1u << kLanes) - 1;
+
 /// All lanes the same.
 inline VecF splat(float value) { return value - VecF{}; }
 inline VecI splat(std::int32_t value) { return VecI{} + value; }
