@@ -75,7 +75,7 @@ _operators.define(
     "Tensor? scale, Tensor? along, Tensor? stiffness, Tensor? p_CQ) -> Tensor"
 )
 for _device in ("CPU", "CUDA"):
-    _operators.impl("pull_back", _pull_back, _device)
+    _operators.impl("pull_back", _pull_back, _device)  # type: ignore[no-untyped-call]
 
 
 def pulled_back(
@@ -151,7 +151,6 @@ class _Gradient(torch.autograd.Function):
     @staticmethod
     @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
     def backward(ctx: Any, direction: torch.Tensor) -> Tuple[Any, ...]:
-        by_value = None
-        if ctx.needs_input_grad[1]:
-            by_value = pulled_back(ctx.slope, *ctx.saved_tensors, along=direction)
+        (poses,) = ctx.saved_tensors
+        by_value = pulled_back(ctx.slope, poses, along=direction) if ctx.needs_input_grad[1] else None
         return direction, by_value, None  # see _Bend
