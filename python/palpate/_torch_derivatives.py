@@ -69,8 +69,8 @@ def _pull_back(
 
 
 # An operator of PyTorch, which calls it once for each of a batch of derivatives (is_grads_batched, vectorize).
-_operators = torch.library.Library("palpate", "DEF")
-_operators.define(
+_operators = torch.library.Library("palpate", "DEF")  # type: ignore[no-untyped-call]
+_operators.define(  # type: ignore[no-untyped-call]
     "pull_back(Tensor poses, Tensor p_TC, Tensor by_shift, Tensor by_turn, float factor, "
     "Tensor? scale, Tensor? along, Tensor? stiffness, Tensor? p_CQ) -> Tensor"
 )

@@ -16,8 +16,10 @@ namespace palpate { inline namespace v0 { namespace {
 // Warps of a block that search. One: poses take very different times, and the place of a block is
 // free only when all of its warps are done.
 constexpr int kWarpsThatSearch = 1;
-// Blocks that search on a multiprocessor: of 64 registers a thread. Older ones hold fewer blocks.
-#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
+// Blocks that search on a multiprocessor: of 64 registers a thread, where it holds so many blocks
+// (compute capability 8.0, 9.0, 10.0 and 10.3). Elsewhere there are fewer, with more registers.
+#if defined(__CUDA_ARCH__) && (__CUDA_ARCH__ == 800 || __CUDA_ARCH__ == 900 || \
+                               __CUDA_ARCH__ == 1000 || __CUDA_ARCH__ == 1030)
 constexpr int kBlocksThatSearch = 32 / kWarpsThatSearch;
 #else
 constexpr int kBlocksThatSearch = 1;
