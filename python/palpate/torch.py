@@ -6,13 +6,15 @@ in PyTorch's current stream: nothing leaves the GPU, and a CUDA graph can captur
 the same tool and scene, and its gradient, outside of the capture. It is valid until the tool is asked about another scene: contacts
 of one tool and place are shared, so give a palpate.Contact of its own for each graph.
 
-Derivatives by motions of the tool become those by the numbers of its poses in one launch, first and second ones alike.
+With poses in float64 the gradient of a potential is one launch, and so is a product of its second derivatives with
+second=True. Many first derivatives at once (functional.jacobian with vectorize=True) are computed one by one.
+torch.func, forward mode and third derivatives are not supported.
 """
 
 from __future__ import annotations
 
 import weakref
-from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple, Union
+from typing import Any, Dict, NamedTuple, Optional, Tuple, Union
 
 import numpy as np
 
@@ -22,6 +24,7 @@ except ImportError as error:
     raise ImportError("palpate.torch needs PyTorch: pip install torch") from error
 
 from palpate import _core
+from palpate._torch_derivatives import Slope, Value, pulled_back, stream_of
 
 __all__ = ["Penetration", "clearance", "penetration", "wrench"]
 
@@ -63,17 +66,6 @@ class _Found(NamedTuple):
     stiffness: Optional[torch.Tensor]
 
 
-class _Slope(NamedTuple):
-    """A derivative by motions of the tool: factor times that by a shift of p_TC, and by a turn about it; (P, 3) each."""
-
-    factor: float
-    by_shift: torch.Tensor
-    by_turn: torch.Tensor
-    p_TC: torch.Tensor
-    #: What _core.pull_back needs for second derivatives, at poses; None: they are not known.
-    second: Optional[Callable[[torch.Tensor], Dict[str, torch.Tensor]]] = None
-
-
 def _only_tool(tool: ToolOrContact) -> _core.Tool:
     return tool if isinstance(tool, _core.Tool) else tool.tool
 
@@ -96,10 +88,6 @@ def _contact_of(tool: ToolOrContact, place: str) -> _core.Contact:
     if place not in by_place:
         by_place[place] = _core.Contact(tool, place=place)
     return by_place[place]
-
-
-def _stream_of(device: torch.device) -> Any:
-    return torch.cuda.current_stream(device) if device.type == "cuda" else None
 
 
 def _measure(asked: _Question, poses: torch.Tensor, with_stiffness: bool) -> _Found:
@@ -140,7 +128,7 @@ def _measure_on_gpu(asked: _Question, scene: Any, poses: torch.Tensor, with_stif
         surface_of_pose=None if which is None else which.to(asked.device, torch.int32),
         stiffness=with_stiffness,
         out=_core.Batch(**found),
-        stream=_stream_of(asked.device),
+        stream=stream_of(asked.device),
     )
     return _Found(
         found["volume"], found["potential"], None, found["force"], found["torque"], found.get("stiffness")
@@ -150,7 +138,7 @@ def _measure_on_gpu(asked: _Question, scene: Any, poses: torch.Tensor, with_stif
 def _plain(poses: torch.Tensor) -> torch.Tensor:
     """The poses as Contact.measure_batch takes them on their GPU, (P, 7) in double; not finite where there is none."""
     there = poses.new_empty(len(poses), 7, dtype=torch.float64)
-    _core.plain_poses(poses.detach().contiguous(), there, stream=_stream_of(poses.device))
+    _core.plain_poses(poses.detach().contiguous(), there, stream=stream_of(poses.device))
     return there
 
 
@@ -161,62 +149,6 @@ def _center_of(tool: ToolOrContact, poses: torch.Tensor) -> torch.Tensor:
         center = np.array(_only_tool(tool).center_of_mass, np.float64)
         by_device[poses.device] = torch.from_numpy(center).to(poses.device)
     return by_device[poses.device].expand(len(poses), 3)
-
-
-def _pulled_back(
-    slope: _Slope, poses: torch.Tensor, scale: Optional[torch.Tensor], **second: torch.Tensor
-) -> torch.Tensor:
-    """Derivatives by the numbers of the poses, in their shape and type; see _core.pull_back."""
-    poses = poses.detach().contiguous()
-    out = torch.empty_like(poses)
-    _core.pull_back(
-        poses,
-        slope.p_TC,
-        slope.by_shift,
-        slope.by_turn,
-        out,
-        factor=slope.factor,
-        scale=None if scale is None else scale.detach(),
-        stream=_stream_of(poses.device),
-        **second,
-    )
-    return out
-
-
-class _Value(torch.autograd.Function):
-    """A value (P,) with this slope, in the type of the poses."""
-
-    @staticmethod
-    def forward(ctx: Any, poses: torch.Tensor, value: torch.Tensor, slope: _Slope) -> torch.Tensor:
-        ctx.slope = slope
-        ctx.save_for_backward(poses)
-        return value.to(poses.dtype).detach()  # another tensor over the same numbers
-
-    @staticmethod
-    def backward(ctx: Any, by_value: torch.Tensor) -> Tuple[Any, ...]:
-        return _Gradient.apply(*ctx.saved_tensors, by_value, ctx.slope), None, None  # type: ignore[no-untyped-call]
-
-
-class _Gradient(torch.autograd.Function):
-    """The gradient of a value by the poses, times by_value."""
-
-    @staticmethod
-    def forward(ctx: Any, poses: torch.Tensor, by_value: torch.Tensor, slope: _Slope) -> torch.Tensor:
-        ctx.slope = slope
-        ctx.save_for_backward(poses, by_value)
-        return _pulled_back(slope, poses, by_value)
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
-    def backward(ctx: Any, by_gradient: torch.Tensor) -> Tuple[Any, ...]:
-        poses, by_value = ctx.saved_tensors
-        if ctx.slope.second is None:
-            raise RuntimeError("the volume has no second derivative; take that of the potential")
-        second = ctx.slope.second(poses)
-        if ctx.needs_input_grad[1]:
-            second["by_scale"] = torch.empty_like(by_value, memory_format=torch.contiguous_format)
-        by_poses = _pulled_back(ctx.slope, poses, by_value, along=by_gradient.detach().contiguous(), **second)
-        return by_poses, second.get("by_scale"), None
 
 
 class _Wrench(torch.autograd.Function):
@@ -231,10 +163,9 @@ class _Wrench(torch.autograd.Function):
     def backward(ctx: Any, by_wrench: torch.Tensor) -> Tuple[Any, ...]:
         (poses,) = ctx.saved_tensors
         stiffness = _stiffness_of(ctx.asked, ctx.found, poses)
-        by_motion = (by_wrench.detach().to(stiffness)[:, :, None] * stiffness).sum(1)
-        shift, turn = by_motion[:, :3], by_motion[:, 3:]
-        slope = _Slope(-1, shift, turn, _center_of(ctx.asked.tool, poses))
-        return _pulled_back(slope, poses, None), None, None
+        by_motion = (by_wrench.to(stiffness.dtype)[:, :, None] * stiffness).sum(1)
+        slope = Slope(-1, by_motion[:, :3], by_motion[:, 3:], _center_of(ctx.asked.tool, poses))
+        return pulled_back(slope, poses), None, None
 
 
 def _stiffness_of(asked: _Question, found: _Found, poses: torch.Tensor) -> torch.Tensor:
@@ -281,7 +212,7 @@ def penetration(
     has no second derivative; on a GPU, with several cameras or bodies the volume has no gradient. For
     (P, 4, 4) it is the gradient along rotations.
 
-    Surfaces and scenes on a GPU: one launch in PyTorch's current stream, and one for each derivative. A scene
+    Surfaces and scenes on a GPU: one launch in PyTorch's current stream, after one for the poses. A scene
     of bodies alone is asked where a contact is that is given as the tool, else where the poses are. second:
     measure the stiffness in the same launch; without it a second derivative measures once more. Poses that are
     not finite, or have a quaternion of zeros, give zero.
@@ -290,14 +221,14 @@ def penetration(
     there = poses.to(asked.device)
     found = _measure(asked, there, second)
     p_TC = _center_of(tool, there)
-    slope = _Slope(
+    slope = Slope(
         -1, found.force_W, found.torque_W, p_TC, lambda at: {"stiffness": _stiffness_of(asked, found, at)}
     )
-    potential = _Value.apply(there, found.potential, slope)  # type: ignore[no-untyped-call]
+    potential = Value.apply(there, found.potential, slope)  # type: ignore[no-untyped-call]
     volume, by_motion = found.volume.to(poses.dtype), found.volume_gradient
     if by_motion is not None:
-        slope = _Slope(1, by_motion[:, :3], by_motion[:, 3:], p_TC)
-        volume = _Value.apply(there, volume, slope)  # type: ignore[no-untyped-call]
+        slope = Slope(1, by_motion[:, :3], by_motion[:, 3:], p_TC)
+        volume = Value.apply(there, volume, slope)  # type: ignore[no-untyped-call]
     return Penetration(volume.to(poses.device), potential.to(poses.device))
 
 
@@ -312,7 +243,7 @@ def clearance(
     """Least distance (P,) m of the tool to the scene, see Batch.clearance, differentiable by the poses.
 
     tool: a tool, or a contact with one or several, of which tool_of_pose (P,) are the indices. poses:
-    as in `penetration`. The gradient is exact for the nearest sphere and what it is near to; where
+    as in `penetration`; for (P, 4, 4), too, gradients are those along rotations. The gradient is exact for the nearest sphere and what it is near to; where
     that changes the clearance has a kink. Second derivatives are those of a sphere before a plane. On a GPU
     nothing leaves it; tool_of_pose is in host memory.
     Beyond `limit` (m) the clearance is constant.
@@ -329,7 +260,7 @@ def clearance(
         limit=limit,
         tool_of_pose=tool_of_pose,
         out=_core.Batch(clearance=value, clearance_gradient=gradient, nearest=nearest),
-        stream=_stream_of(there.device),
+        stream=stream_of(there.device),
     )
     if tool_of_pose is None:
         p_TC = _center_of(contact, there)
@@ -337,15 +268,17 @@ def clearance(
         centers = np.array([each.center_of_mass for each in contact.tools], np.float64)
         p_TC = torch.from_numpy(centers[np.asarray(tool_of_pose)]).to(there.device)
 
+    centers_of_spheres = _centers_of_spheres(contact, there.device)  # here: no graph captures this copy
+
     def sphere_before_a_plane(_: torch.Tensor) -> Dict[str, torch.Tensor]:
         number = nearest.clamp(min=0).long()
         if tool_of_pose is not None:
             first = np.cumsum([0] + [len(each.spheres) for each in contact.tools])
             number = number + torch.from_numpy(first[np.asarray(tool_of_pose)]).to(there.device)
-        return {"p_CQ": _centers_of_spheres(contact, there.device)[number] - p_TC}
+        return {"p_CQ": centers_of_spheres[number] - p_TC}
 
-    slope = _Slope(1, gradient[:, :3], gradient[:, 3:], p_TC, sphere_before_a_plane)
-    return _Value.apply(there, value, slope).to(poses.device)  # type: ignore[no-untyped-call,no-any-return]
+    slope = Slope(1, gradient[:, :3], gradient[:, 3:], p_TC, sphere_before_a_plane)
+    return Value.apply(there, value, slope).to(poses.device)  # type: ignore[no-untyped-call,no-any-return]
 
 
 def _centers_of_spheres(contact: _core.Contact, device: torch.device) -> torch.Tensor:

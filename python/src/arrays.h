@@ -56,15 +56,16 @@ std::string shape_of(const Array& array) {
 /// Throws ValueError "NAME: shape (2, 3) is not DESIRED".
 [[noreturn]] void refuse_shape(const char* name, const std::string& shape, const char* desired);
 
-/// Checks type and layout. ValueError: another type, or gaps between the numbers.
+/// Checks type and layout; an array without numbers has any. ValueError: another type, or gaps
+/// between the numbers.
 template <class Array>
 void require_dense(const Array& array, const char* name, nb::dlpack::dtype type) {
-  bool is_dense = array.dtype() == type;
+  bool is_dense = true;
   std::int64_t stride = 1;
   for (std::size_t axis = array.ndim(); axis-- > 0; stride *= std::int64_t(array.shape(axis))) {
     is_dense = is_dense && (array.shape(axis) == 1 || array.stride(axis) == stride);
   }
-  if (!is_dense) refuse_layout(name, type);
+  if (array.dtype() != type || (stride > 0 && !is_dense)) refuse_layout(name, type);
 }
 
 /// Converts a GPU stream: None, a number, or an object of PyTorch or CuPy.

@@ -171,10 +171,12 @@ def test_bad_input_is_refused_in_a_sentence(tool, surface):
     with pytest.raises(ValueError, match="one for each pose"):
         contact.any(surface, pose, tool_of_pose=[0, 1])
     one = palpate.Contact(tool)
-    for out, why in ((np.zeros(2, bool), r"out: shape \(2,\) is not \(1,\)"), (np.zeros(1), "out: has to be uint8")):
+    refused = "out: has to be bool or uint8"
+    for out, why in ((np.zeros(2, bool), r"out: shape \(2,\) is not \(1,\)"), (np.zeros(1), refused),
+                     (np.zeros(1, np.int8), refused)):
         with pytest.raises(ValueError, match=why):
             one.any(surface, pose, out=out)
-    with pytest.raises(TypeError, match="out: not an array that can be written"):
+    with pytest.raises(TypeError, match="out: not an array of bool or uint8 that can be written"):
         one.any(surface, pose, out=[False])
     broken = palpate.Contact(tool).measure_batch(surface, [[np.nan] * 7], clearance=True)
     assert broken.status[0] & palpate.Status.NON_FINITE_POSE

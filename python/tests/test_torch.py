@@ -11,7 +11,7 @@ import palpate
 torch = pytest.importorskip("torch", reason="PyTorch is not installed")
 
 from palpate import _core  # noqa: E402
-from palpate.torch import _place_of, clearance, penetration, wrench  # noqa: E402
+from palpate.torch import _place_of, _spheres, clearance, penetration, wrench  # noqa: E402
 
 STANDS = [0.3, -0.2, 0.5, 0.1, 0.7, -0.3, 0.6]
 
@@ -238,6 +238,89 @@ def test_a_volume_has_no_second_derivative(cube, felt):
     (gradient,) = torch.autograd.grad(penetration(cube, surface, poses).volume.sum(), poses, create_graph=True)
     with pytest.raises(RuntimeError, match="the volume has no second derivative; take that of the potential"):
         gradient.sum().backward()
+
+
+def test_a_volume_has_derivatives_by_what_it_is_multiplied_with(cube, felt):
+    """They need no second derivative: those along a direction, and of a gradient by weights."""
+    surface, poses = felt
+    direction = torch.tensor(np.random.default_rng(4).normal(size=poses.shape))
+    volume = penetration(cube, surface, poses).volume
+    (gradient,) = torch.autograd.grad(volume.sum(), poses)
+    expected = (gradient * direction).sum(1)
+    _, along = torch.autograd.functional.jvp(lambda p: penetration(cube, surface, p).volume, poses, direction)
+    assert expected.abs().max() > 0 and torch.allclose(along, expected, rtol=1e-12)
+    weights = torch.ones(3, dtype=torch.float64, requires_grad=True)
+    weighed = penetration(cube, surface, poses).volume @ weights
+    (gradient,) = torch.autograd.grad(weighed, poses, create_graph=True)
+    (by_weights,) = torch.autograd.grad((gradient * direction).sum(), weights)
+    assert torch.allclose(by_weights, expected, rtol=1e-12)
+
+
+def test_derivatives_by_weights_measure_no_stiffness(cube, felt, monkeypatch):
+    surface, poses = felt
+    weights = torch.ones(3, dtype=torch.float64, requires_grad=True)
+    potential = penetration(cube, surface, poses).potential
+    (gradient,) = torch.autograd.grad(potential @ weights, poses, create_graph=True)
+    monkeypatch.setattr(palpate.torch, "_stiffness_of", lambda *_: pytest.fail("measured the stiffness"))
+    (by_weights,) = torch.autograd.grad(gradient[:, 2].sum(), weights)
+    assert torch.allclose(by_weights, gradient[:, 2], rtol=1e-12)
+
+
+def test_derivatives_of_no_poses(cube, felt):
+    surface, poses = felt
+    none = poses[:0].detach().requires_grad_()
+    for question in (lambda p: penetration(cube, surface, p).potential, lambda p: clearance(cube, surface, p)):
+        (first,) = torch.autograd.grad(question(none).sum(), none, create_graph=True)
+        (second,) = torch.autograd.grad(first.sum(), none)
+        assert first.shape == second.shape == (0, 7)
+    for question in (lambda p: penetration(cube, surface, p).volume, lambda p: wrench(cube, surface, p)):
+        assert torch.autograd.grad(question(none).sum(), none)[0].shape == (0, 7)
+
+
+def test_many_derivatives_at_once(cube, felt):
+    """jacobian and hessian with vectorize=True, and is_grads_batched: those one by one."""
+    surface, poses = felt
+    given, jacobian = poses.detach(), torch.autograd.functional.jacobian
+    questions = (lambda p: wrench(cube, surface, p), lambda p: clearance(cube, surface, p, limit=0.5),
+                 lambda p: penetration(cube, surface, p).potential, lambda p: penetration(cube, surface, p).volume)
+    for question in questions:
+        expected = jacobian(question, given)
+        assert expected.any() and torch.equal(jacobian(question, given, vectorize=True), expected)
+    for question in questions[1:3]:
+        batched = given.clone().requires_grad_()
+        weights = torch.tensor(np.random.default_rng(2).normal(size=(3, *poses.shape)))
+        expected, got = (
+            torch.autograd.grad((jacobian(question, batched, create_graph=True, vectorize=vectorize)
+                                 * weights).sum(), batched)[0] for vectorize in (False, True))
+        assert expected.any() and torch.allclose(got, expected, rtol=1e-9, atol=1e-12)
+        expected, got = (torch.autograd.functional.hessian(lambda p: question(p).sum(), given, vectorize=vectorize)
+                         for vectorize in (False, True))
+        assert expected.any() and torch.equal(got, expected)
+
+
+def test_copies_for_second_derivatives_are_made_before_a_graph_captures_them(cube, felt):
+    surface, poses = felt
+    contact = palpate.Contact(cube)
+    clearance(contact, surface, poses)
+    assert poses.device in _spheres.get(contact, {})
+
+
+def test_arguments_of_derivatives_belong_together():
+    poses, vectors, out = np.tile(np.eye(7)[6], (2, 1)), np.zeros((2, 3)), np.zeros((2, 7))
+
+    def pull_back(out, **more):
+        _core.pull_back(poses, vectors, vectors, vectors, out, **more)
+
+    pull_back(out)
+    stiffness, p_CQ, by_scale = ({"stiffness": np.zeros((2, 6, 6))}, {"p_CQ": vectors}, {"by_scale": np.ones(2)})
+    for more in (stiffness, p_CQ, by_scale, {"along": poses}, {"along": poses, **stiffness, **p_CQ}):
+        with pytest.raises(ValueError, match="along: goes with one of stiffness, p_CQ and by_scale"):
+            pull_back(out, **more)
+    for to, more in ((out, by_scale), (None, p_CQ)):
+        with pytest.raises(ValueError, match="out: give either it or by_scale"):
+            pull_back(to, along=poses, **more)
+    pull_back(None, along=poses, **by_scale)
+    assert not by_scale["by_scale"].any()
 
 
 def test_bodies_alone_are_asked_where_the_contact_is_or_the_poses(cube):

@@ -121,12 +121,14 @@ struct Stream::Impl {
   cudaStream_t stream = nullptr;
   cudaEvent_t start = nullptr, end = nullptr;
   bool is_own = true;
+  int before = -1;  // device to go back to
 
   ~Impl() {
-    cudaSetDevice(gpu);
+    if (before < 0) cudaSetDevice(gpu);
     if (stream != nullptr && is_own) cudaStreamDestroy(stream);
     if (start != nullptr) cudaEventDestroy(start);
     if (end != nullptr) cudaEventDestroy(end);
+    if (before >= 0 && before != gpu) cudaSetDevice(before);
   }
 };
 Stream::Stream(Stream&&) noexcept = default;
@@ -154,6 +156,14 @@ Stream::Stream(int gpu) : gpu_(gpu), impl_(std::make_unique<Impl>()) {
   if (code == cudaSuccess) code = cudaEventCreate(&impl_->start);
   if (code == cudaSuccess) code = cudaEventCreate(&impl_->end);
   if (code != cudaSuccess) fail(failure(code, "to make events", gpu));
+}
+
+Stream::Stream(int gpu, void* handle) : gpu_(gpu), impl_(std::make_unique<Impl>()) {
+  impl_->gpu = gpu;
+  impl_->is_own = false;
+  impl_->stream = static_cast<cudaStream_t>(handle);
+  const cudaError_t code = cudaGetDevice(&impl_->before);
+  if (code != cudaSuccess) fail(failure(code, "to tell the current device", gpu));
 }
 
 void Stream::continue_in(void* handle) noexcept {

@@ -75,6 +75,7 @@ Stream& Stream::operator=(Stream&&) noexcept = default;
 Stream::~Stream() = default;
 
 Stream::Stream(int gpu) : gpu_(gpu), impl_(std::make_unique<Impl>()) {}
+Stream::Stream(int gpu, void* handle) : Stream(gpu) { impl_->other = static_cast<Impl*>(handle); }
 void Stream::continue_in(void* handle) noexcept {
   impl_->other = static_cast<Impl*>(handle);
   status_ = Done{};

@@ -78,14 +78,13 @@ class PoseArrays {
       throw nb::value_error((std::string(name) + ": is elsewhere than the poses").c_str());
     }
     std::int64_t row = 1;
-    bool is_dense = array.dtype() == type;
+    bool is_dense = true;
     for (std::size_t axis = array.ndim() - 1; axis > 0; row *= std::int64_t(array.shape(axis--))) {
       is_dense = is_dense && (array.shape(axis) == 1 || array.stride(axis) == row);
     }
+    is_dense = is_dense && (step != nullptr || poses.num <= 1 || array.stride(0) == row);
+    if (array.dtype() != type || (poses.num > 0 && !is_dense)) refuse_layout(name, type);
     if (step != nullptr) *step = static_cast<std::ptrdiff_t>(array.stride(0));
-    if (!is_dense || (step == nullptr && poses.num > 1 && array.stride(0) != row)) {
-      refuse_layout(name, type);
-    }
     kept.push_back(array);
     return array.data();
   }
@@ -99,9 +98,11 @@ class PoseArrays {
 void pull_back(nb::handle poses, nb::handle p_TC, nb::handle by_shift, nb::handle by_turn,
                nb::handle out, double factor, nb::handle scale, nb::handle along,
                nb::handle stiffness, nb::handle p_CQ, nb::handle by_scale, nb::handle stream) {
-  if (!along.is_none() && stiffness.is_none() == p_CQ.is_none()) {
-    throw nb::value_error("along: goes with stiffness or with p_CQ");
+  const int num_with = int{!stiffness.is_none()} + int{!p_CQ.is_none()} + int{!by_scale.is_none()};
+  if (num_with != (along.is_none() ? 0 : 1)) {
+    throw nb::value_error("along: goes with one of stiffness, p_CQ and by_scale");
   }
+  if (out.is_none() == by_scale.is_none()) throw nb::value_error("out: give either it or by_scale");
   PoseArrays arrays(poses);
   PoseGradients job;
   job.poses = arrays.poses;
@@ -132,13 +133,13 @@ void plain_poses(nb::handle poses, nb::handle out, nb::handle stream) {
 
 void bind_pose_gradients(nb::module_& m) {
   m.def("pull_back", pull_back, nb::arg("poses"), nb::arg("p_TC"), nb::arg("by_shift"),
-        nb::arg("by_turn"), nb::arg("out"), nb::kw_only(), nb::arg("factor") = 1.0,
+        nb::arg("by_turn"), nb::arg("out").none(), nb::kw_only(), nb::arg("factor") = 1.0,
         nb::arg("scale") = nb::none(), nb::arg("along") = nb::none(),
         nb::arg("stiffness") = nb::none(), nb::arg("p_CQ") = nb::none(),
         nb::arg("by_scale") = nb::none(), nb::arg("stream") = nb::none(),
         nb::sig("def pull_back(poses: palpate._types.Array, p_TC: palpate._types.Array, "
                 "by_shift: palpate._types.Array, by_turn: palpate._types.Array, "
-                "out: palpate._types.Array, *, factor: float = 1.0, "
+                "out: palpate._types.Array | None, *, factor: float = 1.0, "
                 "scale: palpate._types.Array | None = None, "
                 "along: palpate._types.Array | None = None, "
                 "stiffness: palpate._types.Array | None = None, "
@@ -150,9 +151,10 @@ void bind_pose_gradients(nb::module_& m) {
 poses: (P, 7), quaternions of any length, or (P, 4, 4), float32 or float64. by_shift, by_turn: (P, 3),
 by a shift of the center of mass p_TC (P, 3) and a rotation about it, in W, times `factor`. out, of the
 type and shape of the poses, gets the gradient, times scale (P,). With `along`, of the same type and
-shape, it gets the derivative of their product instead, and by_scale (P,) the product without the scale:
-stiffness (P, 6, 6) is minus the derivative of by_shift and by_turn, or p_CQ (P, 3) is the point Q of the
-tool before a plane.)");
+shape, it gets the derivative of their product instead: stiffness (P, 6, 6) is minus the derivative of
+by_shift and by_turn, or p_CQ (P, 3) is the point Q of the tool before a plane. Or out is None, and
+by_scale (P,) gets the product itself, without the scale. ValueError: other combinations, shapes, types
+or memory.)");
   m.def(
       "plain_poses", plain_poses, nb::arg("poses"), nb::arg("out"), nb::kw_only(),
       nb::arg("stream") = nb::none(),

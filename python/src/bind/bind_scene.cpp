@@ -160,8 +160,11 @@ void evaluate(PyContact& self, const PyScene& scene, const PoseRequest& request,
 std::uint8_t* hits_in(const WritableArray& out, std::size_t num, int gpu) {
   const std::string shape = shape_of(out), desired = shape_text({num});
   if (shape != desired) refuse_shape("out", shape, desired.c_str());
-  require_dense(out, "out",
-                out.dtype() == nb::dtype<bool>() ? nb::dtype<bool>() : nb::dtype<std::uint8_t>());
+  const bool is_bool = out.dtype() == nb::dtype<bool>();
+  if (!is_bool && out.dtype() != nb::dtype<std::uint8_t>()) {
+    throw nb::value_error("out: has to be bool or uint8");
+  }
+  require_dense(out, "out", is_bool ? nb::dtype<bool>() : nb::dtype<std::uint8_t>());
   if (memory_of(out, "out") != gpu) throw nb::value_error("out: is elsewhere than the poses");
   return static_cast<std::uint8_t*>(out.data());
 }
@@ -184,7 +187,8 @@ nb::object any(PyContact& self, nb::handle given, nb::handle poses, double margi
   } else if (nb::try_cast<WritableArray>(out, array, false)) {
     hits = hits_in(array, num, gpu);
   } else {
-    throw nb::type_error("out: not an array that can be written");
+    throw nb::type_error(
+        "out: not an array of bool or uint8 that can be written; CuPy lends uint8 only");
   }
   const auto queue = request.queue(gpu);
   check(self.with_scenes([&](const SceneContact& contact) {

@@ -8,6 +8,7 @@ import palpate
 
 torch = pytest.importorskip("torch", reason="PyTorch is not installed")
 
+from palpate import _core  # noqa: E402
 from palpate.torch import clearance, penetration, wrench  # noqa: E402
 
 
@@ -104,8 +105,9 @@ def test_captured_in_a_graph(cube, felt):
         potential = penetration(cube, on_gpu, poses, second=True).potential
         (gradient,) = torch.autograd.grad(potential.sum(), poses, create_graph=True)
         (twice,) = torch.autograd.grad(gradient.square().sum(), poses)
-        (by_far,) = torch.autograd.grad(clearance(cube, on_gpu, poses).sum(), poses)
-        return [each.detach() for each in (gradient, twice, by_far)]
+        (by_far,) = torch.autograd.grad(clearance(cube, on_gpu, poses).sum(), poses, create_graph=True)
+        (far_twice,) = torch.autograd.grad(by_far.square().sum(), poses)
+        return [each.detach() for each in (gradient, twice, by_far, far_twice)]
 
     side = torch.cuda.Stream()
     with torch.cuda.stream(side):
@@ -151,3 +153,11 @@ def test_poses_that_are_none_give_zero(cube, felt):
     (twice,) = torch.autograd.grad(gradient.sum(), poses)
     for each in (potential, gradient, twice):
         assert each.isfinite().all() and not each[1:3].any()
+
+
+@pytest.mark.skipif(torch.cuda.device_count() < 2, reason="needs two GPUs")
+def test_the_current_device_stays():
+    poses = torch.zeros(2, 7, dtype=torch.float64, device="cuda:1")
+    with torch.cuda.device(0):
+        _core.plain_poses(poses, torch.empty_like(poses))
+        assert torch.cuda.current_device() == 0

@@ -55,7 +55,7 @@ def test_a_scene_takes_and_leaves_arrays_there(cube, scene, library, num_cameras
     for name in there:
         assert np.array_equal(library.host(there[name])[::-1], getattr(want, name)), name
 
-    is_hit = library.on_gpu(np.full(NUM, True))
+    is_hit = library.on_gpu(np.full(NUM, 7, np.uint8))  # CuPy lends no bool by DLPack
     replay = library.captured(lambda stream: contact.any(everything, where, 0.01, out=is_hit, stream=stream))
     library.write(where, library.on_gpu(poses))
     library.wait()

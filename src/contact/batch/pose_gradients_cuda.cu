@@ -26,9 +26,7 @@ Status launch_in(CallerStream desired, const PoseNumbers& poses, const KernelOf&
                  const Arguments&... arguments) {
   if (poses.num == 0) return Done{};
   constexpr std::size_t kThreads = 128;
-  gpu::Stream stream(poses.gpu);
-  if (!stream.status()) return stream.status();
-  stream.continue_in(desired.handle);
+  gpu::Stream stream(poses.gpu, desired.handle);
   const int num_blocks = static_cast<int>((poses.num + kThreads - 1) / kThreads);
   for_numbers(poses, [&](auto* numbers, auto real) {
     gpu::launch(stream, {.blocks = num_blocks, .threads = kThreads}, kernel_of(numbers, real),

@@ -147,21 +147,24 @@ PALPATE_HOSTDEV void put_pose_gradient(const PoseGradients& job, std::ptrdiff_t 
       double y[kNum];
       load_numbers<Real>(job.along, i, y);
       const Vec3d w = x.turn(y), v = Numbers::shift_of(y) + cross(w, r);
-      Vec3d by_shift, by_turn;
-      const Vec3d lever = job.p_CQ == nullptr ? Vec3d{} : x.rotated(vec3_at(job.p_CQ + 3 * i));
-      bend_of_motion(job, i, f, lever, v, w, by_shift, by_turn);
-      x.put(by_shift, by_turn + cross(r, by_shift + cross(f, w)), to);
-      x.add_bend(h, y, to);
       by_scale = dot(f, v) + dot(m, w);
+      if (job.to != nullptr) {
+        Vec3d by_shift, by_turn;
+        const Vec3d lever = job.p_CQ == nullptr ? Vec3d{} : x.rotated(vec3_at(job.p_CQ + 3 * i));
+        bend_of_motion(job, i, f, lever, v, w, by_shift, by_turn);
+        x.put(by_shift, by_turn + cross(r, by_shift + cross(f, w)), to);
+        x.add_bend(h, y, to);
+      }
     }
   }
+  if (job.by_scale != nullptr) static_cast<Real*>(job.by_scale)[i] = static_cast<Real>(by_scale);
+  if (job.to == nullptr) return;
   const double scale =
       job.scale == nullptr
           ? 1.0
           : static_cast<double>(static_cast<const Real*>(job.scale)[job.scale_step * i]);
   Real* const out = static_cast<Real*>(job.to) + kNum * i;
   for (int k = 0; k < kNum; ++k) out[k] = static_cast<Real>(scale * to[k]);
-  if (job.by_scale != nullptr) static_cast<Real*>(job.by_scale)[i] = static_cast<Real>(by_scale);
 }
 
 /// Calls f(numbers, real) with a null pointer to the kind of numbers, and a zero of their type.

@@ -56,7 +56,6 @@ class ClearanceBatchCuda final : public ClearanceBatch {
       launch.hits = memory_.take<ClearanceHit>(most);
       launch.found = memory_.take<Clearance>(most);
       launch.is_near = memory_.take<std::uint8_t>(most);
-      launch.placed = memory_.take<ClearanceCamera>(std::max<std::size_t>(most, kMaxCameras));
       SceneAnswers& staged = launch.staged.clearance;
       staged.clearance = memory_.take<double>(at_once);
       staged.nearest = memory_.take<std::int32_t>(at_once);
@@ -96,6 +95,7 @@ class ClearanceBatchCuda final : public ClearanceBatch {
       images[i] = &images_[i]->image();
     }
     seen_ = seen_by(surfaces, images);
+    if (const Status status = take_places(seen_.size()); !status) return status;
     question_.cameras = cameras_;
     question_.num_cameras = static_cast<std::int32_t>(seen_.size());
     question_.num_surfaces = static_cast<std::int32_t>(surfaces.size());
@@ -163,6 +163,21 @@ class ClearanceBatchCuda final : public ClearanceBatch {
     return Done{};
   }
 
+  /// Takes memory for the tools of a launch before so many cameras.
+  Status take_places(std::size_t num) {
+    if (num <= num_placed_) return Done{};
+    num_placed_ = 0;
+    gpu::Memory memory(gpu_);
+    for (Launch& launch : launches_) {
+      const std::size_t more = &launch == &launches_[2] ? std::max(num, kMoreThere) : num;
+      launch.placed = memory.take<ClearanceCamera>(more * at_once_);
+    }
+    if (!memory.status()) return memory.status();
+    places_.emplace(std::move(memory));
+    num_placed_ = num;
+    return Done{};
+  }
+
   gpu::Stream& caller_stream(const CallerStream& desired) {
     caller_stream_.continue_in(desired.handle);
     return caller_stream_;
@@ -213,23 +228,6 @@ class ClearanceBatchCuda final : public ClearanceBatch {
     return Done{};
   }
 
-  // Some of the poses on the GPU. Two take turns: while it measures one, the results of the other
-  // are put where they belong. The third is for streams of callers, which may still be at work.
-  struct Launch {
-    explicit Launch(int gpu) : stream(gpu, gpu::Priority::low) {}
-
-    gpu::Stream stream;
-    Pose* X_WT = nullptr;
-    std::int32_t *tool_of_pose = nullptr, *group_of_pose = nullptr;
-    ClearanceCamera* placed = nullptr;  // of some poses with all cameras
-    std::uint8_t* is_near = nullptr;
-    ClearanceHit* hits = nullptr;
-    Clearance* found = nullptr;
-    ClearanceHit* each = nullptr;  // see Question
-    PoseAnswers staged;
-    std::size_t first = 0, num = 0;
-  };
-
   /// Asks for all poses, those of a launch at a time.
   Status evaluate(const ScenePoses& poses, const PoseAnswers& to, const Question& question,
                   std::optional<CallerStream> desired) {
@@ -244,10 +242,11 @@ class ClearanceBatchCuda final : public ClearanceBatch {
                        std::to_string(gpu_)};
     }
     const std::size_t num = poses.X_WT.size();
-    const std::size_t most = given != nullptr && !is_here ? kMoreThere * at_once_ : at_once_;
-    const std::size_t at_once =
-        std::clamp<std::size_t>(most / std::max<std::size_t>(seen_.size(), 1), 1,
-                                question.smoothing > 0 ? soft_at_once_ : most);
+    std::size_t at_once = at_once_;
+    if (given != nullptr && !is_here) {
+      at_once = std::max(at_once, kMoreThere * at_once_ / std::max<std::size_t>(seen_.size(), 1));
+    }
+    if (question.smoothing > 0) at_once = soft_at_once_;
     // Far more time than it takes.
     const double patience = 60 + static_cast<double>(num) / 1e4;
     if (to.is_within != nullptr && has_groups) {
@@ -312,16 +311,18 @@ class ClearanceBatchCuda final : public ClearanceBatch {
     question.found = launch.found;
     question.each = launch.each;
     question.num_poses = static_cast<std::int32_t>(num);
-    const gpu::LaunchShape warps{.blocks = blocks_for(num, kWarps),
-                                 .threads = kWarps * gpu::kWarpSize},
-        threads{.blocks = blocks_for(num, kThreads)};
+    const gpu::LaunchShape threads{.blocks = blocks_for(num, kThreads)};
     if (question.num_cameras > 0) {
       gpu::launch(stream, threads, place_poses, question);
-      gpu::launch(stream, warps, search_poses, question);
+      gpu::launch(stream, warps_for(num, kWarpsThatSearch), search_poses, question);
     }
     gpu::launch(stream, threads, refine_poses, question);
-    if (question.num_bodies > 0) gpu::launch(stream, warps, search_bodies, question);
-    if (question.smoothing > 0) gpu::launch(stream, warps, soften_poses, question);
+    if (question.num_bodies > 0) {
+      gpu::launch(stream, warps_for(num, kWarpsAtBodies), search_bodies, question);
+    }
+    if (question.smoothing > 0) {
+      gpu::launch(stream, warps_for(num, kWarpsThatSoften), soften_poses, question);
+    }
     if (!question.is_refined_last()) gpu::launch(stream, threads, put_poses, question);
   }
 
@@ -367,7 +368,11 @@ class ClearanceBatchCuda final : public ClearanceBatch {
   std::vector<std::unique_ptr<ImageOnGpu>> images_;  // two of each surface
   std::vector<SeenByCamera> seen_;
   SeenByCamera* cameras_ = nullptr;
+  std::optional<gpu::Memory> places_;
+  std::size_t num_placed_ = 0;                // cameras that there is room for
   std::vector<std::uint8_t> is_within_here_;  // of the poses of a launch
+  // Two take turns: while the GPU measures one, the results of the other are put where they belong.
+  // The third is for streams of callers, which may still be at work.
   Launch launches_[3];
   Question question_;
   std::optional<gpu::Memory> hits_of_spheres_;

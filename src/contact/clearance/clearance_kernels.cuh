@@ -13,9 +13,19 @@
 
 namespace palpate { inline namespace v0 { namespace {
 
-// Warps of a block. One: poses take very different times, and the place of a block is free only
-// when all of its warps are done.
-constexpr int kWarps = 1;
+// Warps of a block that search. One: poses take very different times, and the place of a block is
+// free only when all of its warps are done.
+constexpr int kWarpsThatSearch = 1;
+// Blocks that search on a multiprocessor: of 64 registers a thread, where it holds so many blocks
+// (compute capability 8.0, 9.0, 10.0 and 10.3). Elsewhere there are fewer, with more registers.
+#if defined(__CUDA_ARCH__) && (__CUDA_ARCH__ == 800 || __CUDA_ARCH__ == 900 || \
+                               __CUDA_ARCH__ == 1000 || __CUDA_ARCH__ == 1030)
+constexpr int kBlocksThatSearch = 32 / kWarpsThatSearch;
+#else
+constexpr int kBlocksThatSearch = 1;
+#endif
+// Warps of a block that ask bodies, and of one that adds up a smooth minimum.
+constexpr int kWarpsAtBodies = 4, kWarpsThatSoften = 4;
 /// Clearance of a pose that is known to be below the margin, m.
 constexpr double kBelowAll = -1e300;
 
@@ -79,6 +89,28 @@ struct PoseAnswers {
   int gpu = kHostMemory;
 };
 
+/// Some of the poses on the GPU.
+struct Launch {
+  explicit Launch(int gpu) : stream(gpu, gpu::Priority::low) {}
+
+  gpu::Stream stream;
+  Pose* X_WT = nullptr;
+  std::int32_t *tool_of_pose = nullptr, *group_of_pose = nullptr;
+  // See Question.
+  ClearanceCamera* placed = nullptr;
+  std::uint8_t* is_near = nullptr;
+  ClearanceHit* hits = nullptr;
+  Clearance* found = nullptr;
+  ClearanceHit* each = nullptr;
+  PoseAnswers staged;
+  std::size_t first = 0, num = 0;
+};
+
+/// Returns the shape of a launch with a warp for each pose, so many to a block.
+inline gpu::LaunchShape warps_for(std::size_t num_poses, int of_block) {
+  return {.blocks = blocks_for(num_poses, of_block), .threads = of_block * gpu::kWarpSize};
+}
+
 /// Calls f(array of the caller, staged one, numbers of a pose, array of the question).
 template <class F>
 void for_answers(const PoseAnswers& answers, const PoseAnswers& staged, Question& question,
@@ -127,9 +159,9 @@ __global__ void place_poses(const __grid_constant__ Question question) {
   question.hits[pose] = {};
 }
 
-__global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
+__global__ void __launch_bounds__(kWarpsThatSearch* gpu::kWarpSize, kBlocksThatSearch)
     search_poses(const __grid_constant__ Question question) {
-  const int pose = static_cast<int>(blockIdx.x) * kWarps + gpu::warp_id();
+  const int pose = static_cast<int>(blockIdx.x) * kWarpsThatSearch + gpu::warp_id();
   if (pose >= question.num_poses || question.is_near[pose] == 0) return;
   ClearanceJob job = question.search(question.tool(pose), question.unit_pose(pose));
   job.cameras = question.cameras_of(pose);
@@ -213,9 +245,9 @@ __device__ inline void ask_body(const SearchedBody& body, std::int32_t decider, 
   });
 }
 
-__global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
+__global__ void __launch_bounds__(kWarpsAtBodies* gpu::kWarpSize)
     search_bodies(const __grid_constant__ Question question) {
-  const int pose = static_cast<int>(blockIdx.x) * kWarps + gpu::warp_id();
+  const int pose = static_cast<int>(blockIdx.x) * kWarpsAtBodies + gpu::warp_id();
   if (pose >= question.num_poses || !question.is_measured(pose)) return;
   const Pose X = question.unit_pose(pose);
   const ToolOnGpu& of = question.tool(pose);
@@ -230,9 +262,9 @@ __global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
 }
 
 /// Puts the smooth minimum in place of the least clearance: a lane has some of the spheres.
-__global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
+__global__ void __launch_bounds__(kWarpsThatSoften* gpu::kWarpSize)
     soften_poses(const __grid_constant__ Question question) {
-  const int pose = static_cast<int>(blockIdx.x) * kWarps + gpu::warp_id();
+  const int pose = static_cast<int>(blockIdx.x) * kWarpsThatSoften + gpu::warp_id();
   if (pose >= question.num_poses || !question.is_measured(pose)) return;
   Clearance& found = question.found[pose];
   if (found.sphere < 0) return;

@@ -41,7 +41,7 @@ struct PoseGradients {
   /// then of a point that moves with the tool before a plane, P x 3: from C, in T.
   const double *stiffness = nullptr, *p_CQ = nullptr;
 
-  void* to = nullptr;        ///< as poses; zeros where there is no pose
+  void* to = nullptr;        ///< as poses; zeros where there is no pose; null: by_scale alone
   void* by_scale = nullptr;  ///< P: y . (J^T g); null: not computed
 };
 

@@ -105,6 +105,9 @@ class Stream {
   Stream(int gpu, Priority priority);
   /// Makes a stream that works only in queues of others; see `continue_in`.
   explicit Stream(int gpu);
+  /// Makes one for a few launches in a queue of somebody else: cheap, without marks. Its end leaves
+  /// the thread's current device as it was.
+  Stream(int gpu, void* handle);
   Stream(Stream&&) noexcept;
   Stream& operator=(Stream&&) noexcept;
   ~Stream();

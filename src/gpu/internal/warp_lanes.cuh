@@ -93,8 +93,6 @@ __device__ inline float lane_of(VecF a, int lane) {
 __device__ inline std::int32_t lane_of(VecI a, int lane) {
   return __shfl_sync(gpu::kWholeWarp, a.v, lane);
 }
-/// The number that all lanes have.
-__device__ inline float same_of(VecF a) { return a.v; }
 /// Whole numbers in the order of the floats that they stand for, NaN aside, and back.
 PALPATE_HOSTDEV inline std::int32_t in_order(std::int32_t bits) {
   return bits ^ ((bits >> 31) & 0x7fffffff);

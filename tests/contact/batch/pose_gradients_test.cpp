@@ -104,6 +104,19 @@ TEST_P(PoseGradientsTest, ChangeAsTheyAreSaidTo) {
   }
 }
 
+TEST_P(PoseGradientsTest, TheirProductsNeedNoStiffness) {
+  PosesOfSprings<double> asked(20, GetParam(), 2);
+  PoseGradients job = asked.job(true);
+  ASSERT_TRUE(put_pose_gradients(job));
+  const std::vector<double> expected = asked.by_scale, to = asked.to;
+  asked.by_scale.assign(asked.num, 77.0);
+  job.stiffness = nullptr;
+  job.to = nullptr;
+  ASSERT_TRUE(put_pose_gradients(job));
+  EXPECT_EQ(asked.by_scale, expected);
+  EXPECT_EQ(asked.to, to);
+}
+
 /// A point Q that moves with the tool: U = n . (X p_TQ), whose stiffness is that of a plane.
 TEST_P(PoseGradientsTest, OfAPointBeforeAPlaneNeedNoStiffness) {
   PosesOfSprings<double> asked(20, GetParam(), 3);

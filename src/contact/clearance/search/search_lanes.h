@@ -13,8 +13,6 @@ namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 inline VecI select(Mask mask, VecI a, VecI b) { return mask ? a : b; }
 inline float lane_of(VecF a, int lane) { return a[lane]; }
 inline std::int32_t lane_of(VecI a, int lane) { return a[lane]; }
-/// The number that all lanes have.
-inline float same_of(VecF a) { return a[0]; }
 inline float root(float v) { return __builtin_sqrtf(v); }
 inline int first_lane(std::uint32_t bits) { return __builtin_ctz(bits); }
 
