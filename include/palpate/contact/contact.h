@@ -194,11 +194,18 @@ class BatchQuery {
   /// on every run. On a CPU it equals ContactQuery::measure to the bit (up to rounding with an
   /// X_WC), on a GPU to 1e-5 of its results.
   ///
-  /// On a GPU one launch. With poses and outputs in GPU memory and a stream, the call only enqueues
-  /// the work; otherwise it waits. After the first call with as many surfaces it allocates nothing,
-  /// and a CUDA graph may capture it: a replay uses the captured arrays of poses, fields and
-  /// outputs. Poses and outputs in host memory are copied, some ten thousand at a time, and
-  /// surfaces in host memory once per stamp.
+  /// On a GPU one launch, and one for standard deviations. With poses and outputs in GPU memory and
+  /// a stream, the call only enqueues the work; otherwise it waits. After the first call with as
+  /// many surfaces it allocates nothing, and a CUDA graph may capture it: a replay uses the
+  /// captured arrays of poses, fields and outputs. Poses and outputs in host memory are copied,
+  /// some ten thousand at a time, and surfaces in host memory once per stamp.
+  ///
+  /// On a GPU standard deviations are those of a CPU to 1e-4 of them, but at the border of two
+  /// grids (docs/decisions/0048-how-sure-it-is.md). The first call that asks for them allocates,
+  /// and only later ones can be captured. They go through memory of the query: replay graphs of one
+  /// query that have them in one stream. A replay has the noise that a frame had when it was
+  /// captured; images of Sensor::update_batch that learn theirs have that of the images that lie
+  /// there.
   ///
   /// Errors: surface_of_pose has another size than X_WT, or is empty and there are neither one
   /// surface nor as many as poses; X_WC has another size than there are surfaces; arrays in memory
@@ -207,7 +214,8 @@ class BatchQuery {
   virtual Status measure(const SurfaceBatch& surfaces, const PoseBatch& poses,
                          const BatchAnswers& answers,
                          std::optional<CallerStream> stream = {}) const = 0;
-  /// Allocates for so many surfaces, and poses in host memory. Error: too little memory.
+  /// Allocates for so many surfaces, and poses in host memory, but not for standard deviations.
+  /// Error: too little memory.
   virtual Status reserve(int num_surfaces, int num_poses) const = 0;
 };
 
@@ -251,7 +259,8 @@ class Contact {
     if (const Status status = make_batches(); !status) return status;
     return batches_->measure(surfaces, poses, answers, stream);
   }
-  /// Allocates for the first batch: so many surfaces, and poses in host memory.
+  /// Allocates for the first batch: so many surfaces, and poses in host memory; see
+  /// BatchQuery::reserve.
   Status reserve_batch(int num_surfaces, int num_poses = 0) const {
     if (const Status status = make_batches(); !status) return status;
     return batches_->reserve(num_surfaces, num_poses);

@@ -56,7 +56,7 @@ struct ScenePoses {
 inline constexpr double kClearanceLimit = 0.1;
 
 /// Row-major arrays of the caller, all in the memory `contact.gpu`; null: not computed. Unmeasured
-/// poses have zeros. Groups, spheres and standard deviations are answered in host memory alone.
+/// poses have zeros. Groups and spheres are answered in host memory alone.
 struct SceneAnswers {
   /// The sum of the contact with the cameras and with each body.
   BatchAnswers contact = {};
@@ -108,14 +108,15 @@ class SceneContact {
   /// Many poses. The result of a pose has the same bits whatever else is asked, for any number of
   /// threads. Allocates for a new scene. Errors: an empty scene; more than kMaxCameras; surfaces in
   /// different places; several that were not made to be joined; an index of a tool or group out of
-  /// range; clearance with a point method, or of joined surfaces with memory; arrays where the
-  /// contact does not read or write.
+  /// range; clearance or standard deviations with a point method, or clearance of joined surfaces
+  /// with memory; arrays where the contact does not read or write.
   ///
   /// On a GPU poses and answers may lie there. Work is done in `stream`, in order with what the
   /// caller does there; another stream, or another scene, waits for it. If all arrays are on the
   /// GPU, without indices, and scene and tools were asked before, the call only enqueues it, and a
   /// CUDA graph may capture it; else it waits. A graph is valid until this contact is asked about
-  /// another scene, or cameras at other poses: let its replays finish before.
+  /// another scene, or cameras at other poses: let its replays finish before. Standard deviations:
+  /// see BatchQuery::measure.
   Status measure(const Scene& scene, const ScenePoses& poses, const SceneAnswers& answers,
                  std::optional<CallerStream> stream = {}) const;
   /// Writes 1 for each pose whose clearance is below `margin` (m), else 0; with groups for each
