@@ -203,9 +203,8 @@ class BatchQuery {
   /// On a GPU standard deviations are those of a CPU to 1e-4 of them, but at the border of two
   /// grids (docs/decisions/0048-how-sure-it-is.md). The first call that asks for them allocates,
   /// and only later ones can be captured. They go through memory of the query: replay graphs of one
-  /// query that have them in one stream. A replay has the noise that a frame had when it was
-  /// captured; images of Sensor::update_batch that learn theirs have that of the images that lie
-  /// there.
+  /// query that have them in one stream. A replay has the noise of a frame as it was captured;
+  /// images of Sensor::update_batch that learn theirs have that of the images that lie there then.
   ///
   /// Errors: surface_of_pose has another size than X_WT, or is empty and there are neither one
   /// surface nor as many as poses; X_WC has another size than there are surfaces; arrays in memory

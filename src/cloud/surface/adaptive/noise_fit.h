@@ -109,8 +109,8 @@ struct NoiseCurve {
   PALPATE_HOSTDEV double determinant() const { return sums[0] * sums[2] - sums[1] * sums[1]; }
 };
 
-/// Returns the noise of a depth at a level: limited by that of the finer `levels` and by `most`, the
-/// most of all of them. More is shape.
+/// Returns the noise of a depth at a level: limited by that of the finer `levels` and by `most`,
+/// the most of all of them. More is shape.
 PALPATE_HOSTDEV inline double limited_noise(const DetailNoise& at, int level,
                                             const ScaleNoise* levels, double most) {
   // Growth of the noise from the finer levels to the next one. White noise falls by half; noise
