@@ -272,7 +272,7 @@ def asked(tool, depth, camera, points, poses, device):
     if device == "cpu":
         peers |= {"thesis": lambda: methods_of_the_thesis(tool, depth, camera, poses),
                   "coal": lambda: coal_contacts(*sheet, poses, SIDES), "octree": lambda: frame_peers.coal_octree(points, poses, SIDES),
-                  "vamp": lambda: frame_peers.vamp(points, poses),
+                  "vamp": lambda: frame_peers.vamp(points, poses), "volumetric": lambda: frame_peers.volumetric(points, poses, SIDES),
                   "field": lambda: frame_peers.mujoco_height_field(points, poses, SIDES),
                   "drake": lambda: frame_peers.drake_hydroelastic(*sheet, poses, SIDES),
                   "mujoco": lambda: mujoco_contacts(*sheet, poses)}
@@ -286,7 +286,7 @@ def main():
     parser.add_argument("--poses", type=int, default=200)
     parser.add_argument("--scenes", default=",".join(SCENES))
     parser.add_argument("--noises", default="0,1.5", help="mm")
-    parser.add_argument("--peers", help="some of palpate,image,warp,mujoco-warp,newton,thesis,coal,octree,vamp,field,drake,mujoco")
+    parser.add_argument("--peers", help="some of palpate,image,warp,mujoco-warp,newton,thesis,coal,octree,vamp,volumetric,field,drake,mujoco")
     given = parser.parse_args()
     if given.device == "cpu":
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})

@@ -3,6 +3,8 @@
 Each peer is a generator of (name, shares or None, forces or None, s per pose, s per frame, facts), like those there. On a GPU
 it answers a batch first, then each pose alone. A tool of others is a box by its sides or a ball by its radius, m."""
 
+import os
+import tempfile
 from dataclasses import dataclass
 from importlib.metadata import version
 
@@ -314,6 +316,33 @@ def coal_octree(points, poses, shape, voxel=0.01):
         met += coal.collide(box, coal.Transform3s(R, pose[:3]), tree, still, request, result) > 0
         times.append(clock() - begin)
     yield f"coal {coal.__version__} octree, yes or no", None, None, np.array(times), frame, f"voxel_mm={1000 * voxel:.0f} yes={met}"
+
+
+def volumetric(points, poses, shape, voxel=0.002):
+    """pytorch-volumetric: distances of the tool's mesh, cached in a grid, at all points; the least says yes or no. Hollow
+    behind the surface. A new frame costs nothing, a pose all of its points."""
+    import open3d
+    import pytorch_volumetric as pv
+    import torch
+
+    torch.set_num_threads(1)
+    box = open3d.geometry.TriangleMesh.create_box(*shape).translate(-np.array(shape) / 2)
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "box.obj")
+        open3d.io.write_triangle_mesh(path, box)
+        mesh = pv.MeshSDF(pv.MeshObjectFactory(path))
+        around = np.stack([-0.6 * np.array(shape), 0.6 * np.array(shape)], axis=1)
+        grid = pv.CachedSDF("box", voxel, around, mesh, cache_path=os.path.join(folder, "grid.pkl"))
+    cloud, frame = timed(lambda: torch.from_numpy(points[np.isfinite(points).all(axis=-1)].astype(np.float32)), 3)
+    times, met = [], 0
+    for pose in poses:
+        R = torch.from_numpy(rotation(pose[3:]).astype(np.float32))
+        begin = clock()
+        distance, _ = grid((cloud - torch.from_numpy(pose[:3].astype(np.float32))) @ R)
+        met += float(distance.min()) < 0
+        times.append(clock() - begin)
+    yield (f"pytorch-volumetric {version('pytorch_volumetric')}, yes or no", None, None, np.array(times), frame,
+           f"voxel_mm={1000 * voxel:.0f} points={len(cloud)} yes={met}")
 
 
 def vamp(points, poses, strides=(16, 8)):
