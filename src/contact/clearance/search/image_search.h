@@ -34,11 +34,11 @@ PALPATE_LANE_CODE inline void clip(float x, float reach, float near_scale, float
   last = high < limit ? (high < 0 ? -1 : static_cast<int>(high)) : last;
 }
 
-// Squares that show a ball: three by three at most, unless they are the widest ones. None if
-// right < left or bottom < top.
+// Squares that show a ball: three by three at most, unless they are the widest ones.
 struct Squares {
   int level = 0, left = 0, right = -1, top = 0, bottom = -1;
 
+  PALPATE_LANE_CODE bool is_empty() const { return right < left || bottom < top; }
   PALPATE_LANE_CODE int wide() const { return right - left + 1; }
   PALPATE_LANE_CODE int high() const { return bottom - top + 1; }
 };
@@ -115,6 +115,7 @@ class ImageSearch {
   PALPATE_LANE_CODE void run() {
     if (!(reach_ >= 0)) return;
     const Squares squares = squares_around(image_, middle_, reach_);
+    if (squares.is_empty()) return;
     switch (squares.level) {
       case 0: visit_all<0>(squares); break;
       case 1: visit_all<1>(squares); break;
