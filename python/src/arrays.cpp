@@ -96,7 +96,9 @@ int memory_of(int device_type, int device_id, const char* name) {
                             .c_str());
 }
 
-std::optional<AnyArray> array_on_gpu(nb::handle given, const char* name, nb::handle stream) {
+namespace {
+template <class Array>
+std::optional<Array> lent_by_gpu(nb::handle given, const char* name, nb::handle stream) {
   if (!nb::hasattr(given, "__dlpack_device__")) return std::nullopt;
   const auto device = nb::cast<nb::tuple>(given.attr("__dlpack_device__")());
   const int type = nb::cast<int>(device[0]), id = nb::cast<int>(device[1]);
@@ -106,7 +108,17 @@ std::optional<AnyArray> array_on_gpu(nb::handle given, const char* name, nb::han
   const auto number = reinterpret_cast<std::uintptr_t>(reader.handle);
   const nb::object capsule =
       given.attr("__dlpack__")(nb::arg("stream") = number == 0 ? std::uintptr_t{1} : number);
-  return nb::cast<AnyArray>(capsule, false);
+  return nb::cast<Array>(capsule, false);
+}
+}  // namespace
+
+std::optional<AnyArray> array_on_gpu(nb::handle given, const char* name, nb::handle stream) {
+  return lent_by_gpu<AnyArray>(given, name, stream);
+}
+
+std::optional<WritableArray> writable_on_gpu(nb::handle given, const char* name,
+                                             nb::handle stream) {
+  return lent_by_gpu<WritableArray>(given, name, stream);
 }
 
 void refuse_shape(const char* name, const std::string& shape, const char* desired) {

@@ -80,6 +80,8 @@ int memory_of(const Array& array, const char* name) {
 /// reads it, which then waits for the work that still writes the array; None: CUDA's default
 /// stream. ValueError: memory of another accelerator.
 std::optional<AnyArray> array_on_gpu(nb::handle given, const char* name, nb::handle stream);
+/// The same for an array that is written.
+std::optional<WritableArray> writable_on_gpu(nb::handle given, const char* name, nb::handle stream);
 
 /// Returns the numbers of any array or nested list in host memory, without a copy if they are
 /// row-major doubles already. ValueError: not numbers.

@@ -1,5 +1,7 @@
 """palpate.Scene: one question to cameras and bodies, against exact solids and single calls."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -162,8 +164,10 @@ def test_bad_input_is_refused_in_a_sentence(tool, surface):
     with pytest.raises(palpate.Error, match="not with weighted"):
         palpate.Contact(tool, "weighted").measure_batch(surface, pose, clearance=True)
     with pytest.raises(palpate.Error, match="fewer poses at a time"):
-        many = np.broadcast_to(np.float64([0, 0, 0.5, 0, 0, 0, 1]), (20_000_000, 7))
-        palpate.Contact(tool).measure_batch(surface, many, per_sphere=True)
+        memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        many = np.broadcast_to(np.float64([0, 0, 0.5, 0, 0, 0, 1]), (memory // (20 * 3000), 7))
+        fine = palpate.pack(CUBE_VERTICES, CUBE_TRIANGLES, 3000)
+        palpate.Contact(fine).measure_batch(surface, many, per_sphere=True)
     with pytest.raises(ValueError, match="solid, free or fade"):
         palpate.Scene([surface], unseen="open")
     with pytest.raises(TypeError, match=r"palpate\.Surface, palpate\.Body"):

@@ -184,6 +184,9 @@ nb::object any(PyContact& self, nb::handle given, nb::handle poses, double margi
     const Made<std::uint8_t> made(gpu, {num});
     hits = made.at;
     result = made.bools(gpu);
+  } else if (const auto there = writable_on_gpu(out, "out", stream)) {
+    array = *there;
+    hits = hits_in(array, num, gpu);
   } else if (nb::try_cast<WritableArray>(out, array, false)) {
     hits = hits_in(array, num, gpu);
   } else {
