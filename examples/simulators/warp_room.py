@@ -1,7 +1,7 @@
 """The equation of room.py as kernels of Warp, for many free bodies at once on a CPU or a GPU; all in double precision.
 
 `predict` says where bodies would be after a step without contact, as the camera C sees them. There, Palpate measures.
-`press` solves for the wrench in W. (On a GPU, Palpate takes poses in the frame of the camera only.)
+`press` solves for the wrench in W.
 """
 
 import warp as wp

@@ -96,7 +96,7 @@ class ContactQuery {
   virtual ContactResult measure_hull(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                                      const ContactWants& wants) const noexcept;
   /// Returns the unseen volume of one camera by itself, m3, at a finite pose in its frame; marks
-  /// ContactWants::unseen, which must be zero. With the field, on a CPU; else 0.
+  /// ContactWants::unseen, which must be zero. With the field; else 0.
   virtual double unseen_by_one(const SurfaceView& surface, const Pose& X_CT,
                                std::span<std::uint8_t> unseen) const noexcept;
 

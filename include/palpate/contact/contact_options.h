@@ -276,8 +276,8 @@ struct ContactWants {
   bool stiffness = false;  ///< `field` only: closed-form stiffness and VolumeMoments
   bool noise = false;      ///< `field` only: by the noise of the cameras; the first one allocates
   /// Computes Penetration::unseen_volume also for a camera by itself. Without
-  /// SurfaceView::seen_free, on a CPU: behind the surface of its own pixel, where that has none, or
-  /// outside of the image.
+  /// SurfaceView::seen_free: behind the surface of its own pixel, where that has none, or outside
+  /// of the image. On a GPU one launch more.
   bool unseen_volume = false;
   /// State of each sphere; empty, or as many elements as the tool has spheres.
   std::span<SphereState> states{};

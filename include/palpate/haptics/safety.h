@@ -42,7 +42,7 @@ enum class ForceState : std::uint8_t {
   engaged,   ///< force on; the ramp raises it from zero
   fading,    ///< a fault: the force fades to zero
   off,       ///< no force until all has been well for a while
-  held_off,  ///< no force after too many faults, until it is requested
+  held_off,  ///< no force after too many returns, until it is requested
   ended,     ///< no force anymore
 };
 constexpr auto names_of(ForceState) {

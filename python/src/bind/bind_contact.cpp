@@ -217,7 +217,7 @@ surface: one, or a list of several cameras: each sphere then has the depth of th
 pose: X_WT, (4, 4) or (7,) tx ty tz qx qy qz qw, m.
 stiffness: also compute Result.stiffness (method "field").
 std: also compute Result.volume_std, force_std and torque_std: what the random noise of the depth does
-    to them (method "field", on a CPU).
+    to them (method "field").
 states: also describe each sphere, for display; takes twice as long.
 clearance, per_sphere, smooth: see measure_batch.
 If the pose is not finite or there is no surface, Result.status says so and everything else is zero.)")
@@ -252,7 +252,7 @@ std: also compute Batch.volume_std, force_std and torque_std; zero for bodies, a
     the noise of a surface is not known.
 clearance: also Batch.clearance, nearest, decided and clearance_gradient, up to `limit` (m).
 smooth: m; above 0 clearance and gradient are those of a smooth minimum over all spheres, never above
-    the least and below it by at most smooth * ln(their number); on a CPU.
+    the least and below it by at most smooth * ln(their number).
 per_sphere: also Batch.sphere_depth, sphere_volume, sphere_direction and sphere_decided.
 tool_of_pose: (P,) int32, the index of the tool of each pose, for a contact with several.
 group_of_pose: (P,) int32, such as the configuration of a robot: Batch.group_clearance and others.
