@@ -26,6 +26,7 @@
 #include "src/cameras/robot/link_image_cuda.h"
 #include "src/cloud/internal/depth_average_cuda.h"
 #include "src/cloud/internal/surface_cuda.h"
+#include "src/contact/field/field_contact_cuda.h"
 #include "src/field/depth_field_cuda.h"
 
 namespace palpate::bench {
@@ -194,30 +195,67 @@ void measure_noise(int num_spheres) {
   }
 }
 
-// Several cameras that see a wall: views of the field in host memory, copied once.
+// Several cameras that see a wall: views of the field in host memory, copied once. All cases by
+// turns: pose to wrench on the host, and the time on the device of one query among many in a row.
 void measure_hull(int num_spheres) {
-  const Tool& tool = cube_tool(num_spheres);
-  const auto query =
-      value_or_stop(make_contact_query(Place::cuda(options.gpu), tool, FieldMethod{}));
-  const std::vector<Pose> poses = random_poses(0.1);
-  for (const bool with_stiffness : {false, true}) {
-    for (const int num_cameras : {1, 2, 3, 4}) {
-      const test::HullScene scene =
-          scene_of(solids().front(), cameras_around(num_cameras), 0.0015, 1);
-      std::vector<SurfaceBlend> views = scene.views;
-      // A single camera does not use the seen free space.
-      if (num_cameras == 1) test::set_apart(views[0].from, views[0].to);
-      std::size_t i = 0;
-      ContactStatus status;
-      measure("hull/spheres:" + std::to_string(num_spheres) +
-                  "/cameras:" + std::to_string(num_cameras) + (with_stiffness ? "/stiffness" : ""),
-              [&] {
-                status |=
-                    query->measure(views, poses[i++ % poses.size()], {.stiffness = with_stiffness})
-                        .penetration.status;
-              });
-      if (status.is_unmeasured()) stop({Errc::unavailable, "a query failed on the GPU"});
+  struct Case {
+    std::string name;
+    std::vector<SurfaceBlend> views;
+    ContactWants wants;
+    std::vector<double> times, device_times;
+  };
+  static const std::vector<test::HullScene> scenes = [] {
+    std::vector<test::HullScene> all;
+    for (int num = 1; num <= 4; ++num) {
+      all.push_back(scene_of(solids().front(), cameras_around(num), 0.0015, 1));
     }
+    return all;
+  }();
+  std::vector<Case> cases;
+  for (const bool with_stiffness : {false, true}) {
+    for (const test::HullScene& scene : scenes) {
+      Case one{"hull/spheres:" + std::to_string(num_spheres) + "/cameras:" +
+                   std::to_string(scene.views.size()) + (with_stiffness ? "/stiffness" : ""),
+               scene.views,
+               {.stiffness = with_stiffness},
+               {},
+               {}};
+      // A single camera does not use the seen free space.
+      if (one.views.size() == 1) test::set_apart(one.views[0].from, one.views[0].to);
+      if (is_requested(one.name)) cases.push_back(std::move(one));
+    }
+  }
+  if (cases.empty()) return;
+  const FieldContactCuda query(ToolIndex::create(cube_tool(num_spheres)), {}, options.gpu);
+  const std::vector<Pose> poses = random_poses(0.1);
+  gpu::Stream& stream = query.stream();
+  constexpr int kTurns = 20, kLaunches = 20;
+  ContactStatus status;
+  for (int turn = 0; turn <= kTurns; ++turn) {  // the first one to warm up
+    for (Case& one : cases) {
+      const auto ask = [&](const Pose& X_WT) {
+        status |= query.measure(one.views, X_WT, one.wants).penetration.status;
+      };
+      const Clock::time_point begin = Clock::now();
+      for (std::size_t i = 0; microseconds_since(begin) < 1e6 * options.seconds / kTurns; ++i) {
+        const Clock::time_point start = Clock::now();
+        ask(poses[i % poses.size()]);
+        if (turn > 0) one.times.push_back(microseconds_since(start));
+      }
+      stream.repeat_kernels(kLaunches);
+      for (std::size_t i = 0; i < 20; ++i) {
+        stream.mark();
+        ask(poses[(20 * static_cast<std::size_t>(turn) + i) % poses.size()]);
+        const double lap = stream.lap() / kLaunches;
+        if (turn > 0) one.device_times.push_back(lap);
+      }
+      stream.repeat_kernels(1);
+    }
+  }
+  if (status.is_unmeasured()) stop({Errc::unavailable, "a query failed on the GPU"});
+  for (Case& one : cases) {
+    rows->times(one.name, call_times(std::move(one.times)));
+    rows->times(one.name + "; device time", call_times(std::move(one.device_times)));
   }
 }
 
@@ -461,7 +499,7 @@ void run(std::size_t num_gpus) {
   for (const int size : options.sizes) measure_queries(size);
   for (const int size : options.sizes) measure_bodies(size);
   for (const int size : {1000, 17000}) measure_noise(size);
-  for (const int size : {5000, 17000}) measure_hull(size);
+  for (const int size : {1000, 5000, 17000}) measure_hull(size);
   measure_sharing(640, 480);
   measure_sharing(1920, 1080);
   if (num_gpus > 1) measure_two_gpus();

@@ -258,7 +258,10 @@ void Stream::launch_kernel(const LaunchShape& shape, const void* kernel,
   config.stream = impl_->stream;
   config.attrs = &cooperative;
   config.numAttrs = shape.cooperative ? 1 : 0;
-  const cudaError_t code = cudaLaunchKernelExC(&config, kernel, arguments);
+  cudaError_t code = cudaSuccess;
+  for (int i = 0; i < num_repeats_ && code == cudaSuccess; ++i) {
+    code = cudaLaunchKernelExC(&config, kernel, arguments);
+  }
   if (code != cudaSuccess) {
     cudaGetLastError();
     fail(failure(code, "to launch a kernel", gpu_));

@@ -107,8 +107,11 @@ void Stream::launch(const Graph& graph) noexcept {
 void Stream::launch_kernel(const LaunchShape&, const void*, void**) noexcept { std::abort(); }
 void Stream::run_emulated(const LaunchShape& shape, std::function<void()> kernel) {
   if (!status_) return;
-  impl_->take([shape, kernel = std::move(kernel)] {
-    emulator::run_grid(shape.blocks, shape.threads, shape.shared_bytes, shape.cooperative, kernel);
+  impl_->take([shape, num = num_repeats_, kernel = std::move(kernel)] {
+    for (int i = 0; i < num; ++i) {
+      emulator::run_grid(shape.blocks, shape.threads, shape.shared_bytes, shape.cooperative,
+                         kernel);
+    }
   });
 }
 

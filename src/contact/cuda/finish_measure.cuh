@@ -100,9 +100,11 @@ __device__ inline void answer(const MeasureOutput& out, int number, double value
 }
 
 /// Adds the sums of each warp in shared.terms up to the answer, which is in the host's memory when
-/// the last block is done. A block has at least kNum threads.
+/// the last block is done. `num_threads`, at least kNum, add up blocks: their number sets the
+/// order.
 template <int kNum>
-__device__ inline void finish_sums(const MeasureOutput& out, FinishScratchOf<kNum>& shared) {
+__device__ inline void finish_sums(const MeasureOutput& out, FinishScratchOf<kNum>& shared,
+                                   unsigned num_threads) {
   const int thread = static_cast<int>(threadIdx.x);
   const auto num_terms = static_cast<unsigned>(gpu::warps_per_block() * kNum);
   __syncthreads();
@@ -112,7 +114,7 @@ __device__ inline void finish_sums(const MeasureOutput& out, FinishScratchOf<kNu
     if (thread < kNum) out.partials[blockIdx.x * kNum + static_cast<unsigned>(thread)] = sum;
     if (!gpu::is_last_block(out.count, &shared.is_last)) return;
     // The partials of all blocks, some blocks at a time by as many threads as have whole ones.
-    const unsigned num_groups = blockDim.x / kNum;
+    const unsigned num_groups = num_threads / kNum;
     const bool adds = threadIdx.x < num_groups * kNum;
     const double part =
         adds ? sum_of_every(out.partials, threadIdx.x, gridDim.x * kNum, num_groups * kNum) : 0.0;
@@ -124,21 +126,22 @@ __device__ inline void finish_sums(const MeasureOutput& out, FinishScratchOf<kNu
 }
 
 /// Every thread of the grid calls this last, with its sums. The answer is in the host's memory when
-/// the last block is done. `shared` is for this alone.
+/// the last block is done. `shared` is for this alone. `num_threads`: see finish_sums.
 __device__ inline void finish_measure(const MeasureOutput& out, const MeasureTerms& mine,
-                                      FinishScratch& shared) {
+                                      FinishScratch& shared, unsigned num_threads = blockDim.x) {
   put_terms(mine, shared.terms + gpu::warp_id() * MeasureTerms::kNum);
-  finish_sums(out, shared);
+  finish_sums(out, shared, num_threads);
 }
 
 /// The same with the sums of a stiffness.
 __device__ inline void finish_measure(const MeasureOutput& out, const MeasureTerms& mine,
                                       const float (&stiffness)[StiffnessSums::kNum],
-                                      FinishStiffnessScratch& shared) {
+                                      FinishStiffnessScratch& shared,
+                                      unsigned num_threads = blockDim.x) {
   double* const terms = shared.terms + gpu::warp_id() * AnswerBox::kMaxNumbers;
   put_terms(mine, terms);
   put_terms(stiffness, terms);
-  finish_sums(out, shared);
+  finish_sums(out, shared, num_threads);
 }
 
 }}  // namespace palpate::v0

@@ -211,9 +211,10 @@ int blocks_for(int num_threads, int threads, int most) {
   return std::max(1, std::min((num_threads + threads - 1) / threads, most));
 }
 
-template <class Kernel>
-int max_blocks(int gpu, Kernel* kernel, int threads, std::size_t shared_bytes) {
-  return gpu::resident_blocks(gpu, reinterpret_cast<const void*>(kernel), threads, shared_bytes);
+template <int kNumFields, class Sample>
+int max_blocks(int gpu) {
+  const auto* kernel = reinterpret_cast<const void*>(&measure_elements<kNumFields, Sample>);
+  return gpu::resident_blocks(gpu, kernel, kThreadsOf<Sample>, kSharedBytes<Sample>);
 }
 
 bool are_few(int num_clusters) { return num_clusters < kMinWholes; }
@@ -221,13 +222,10 @@ bool are_few(int num_clusters) { return num_clusters < kMinWholes; }
 template <class Sample>
 int measure_blocks(int gpu, int num_clusters, int num_blocks) {
   if (are_few(num_clusters)) return num_clusters;
-  constexpr int kThreads = kThreadsOf<Sample>;
   if (num_blocks == 0) {
-    num_blocks =
-        std::min(max_blocks(gpu, measure_elements<1, Sample>, kThreads, kSharedBytes<Sample>),
-                 max_blocks(gpu, measure_elements<2, Sample>, kThreads, kSharedBytes<Sample>));
+    num_blocks = std::min(max_blocks<1, Sample>(gpu), max_blocks<2, Sample>(gpu));
   }
-  return blocks_for(num_clusters * SphereClusters::kSize, kThreads, num_blocks);
+  return blocks_for(num_clusters * SphereClusters::kSize, kThreadsOf<Sample>, num_blocks);
 }
 
 }  // namespace
@@ -252,7 +250,8 @@ FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
       deciders_(memory_.take<std::int8_t>(static_cast<std::size_t>(num_spheres_))),
       unseen_(memory_.take<std::uint8_t>(static_cast<std::size_t>(num_spheres_))),
       unseen_volume_(memory_.take_pinned<double>(1)),
-      hull_(std::make_unique<DepthHullCuda>(field_tool_, center_of_mass_, num_spheres_, gpu)) {
+      hull_(std::make_unique<DepthHullCuda>(field_tool_, center_of_mass_, num_spheres_, gpu,
+                                            num_blocks)) {
   if (reserves_noise) noise_ = std::make_unique<MeasureNoiseCuda>(field_tool_, gpu);
 }
 

@@ -40,6 +40,9 @@ class FieldContactCuda final : public ContactQuery {
   /// Returns the first failure.
   const Status& status() const;
 
+  /// Returns the queue of all queries, for benchmarks.
+  gpu::Stream& stream() const { return stream_; }
+
  protected:
   ContactResult measure_hull(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                              const ContactWants& wants) const noexcept override;

@@ -15,29 +15,48 @@ namespace {
 template <class Sample>
 using FinishScratchFor =
     std::conditional_t<std::is_same_v<Sample, Curvature>, FinishStiffnessScratch, FinishScratch>;
-template <int kMaxViews, class Sample>
-constexpr std::size_t kSharedBytes = std::max(sizeof(ViewScratch<kMaxViews, Sample>),
-                                              sizeof(FinishScratchFor<Sample>));
+template <class Scratch, class Sample>
+constexpr std::size_t kSharedBytes = std::max(sizeof(Scratch), sizeof(FinishScratchFor<Sample>));
+
+// Every thread calls this last. As many threads add up in both kernels: so results have the same
+// bits.
+template <class Sample>
+__device__ void finish(const MeasureOutput& out, const FieldShare& share,
+                       const StiffnessShare& stiffness) {
+  MeasureTerms mine;
+  add_share(share, mine);
+  auto& scratch = gpu::shared_memory<FinishScratchFor<Sample>>();
+  if constexpr (std::is_same_v<Sample, Curvature>) {
+    finish_measure(out, mine, stiffness.numbers, scratch, kHullThreads);
+  } else {
+    finish_measure(out, mine, scratch, kHullThreads);
+  }
+}
 
 template <int kMaxViews, class Sample>
 __global__ void __launch_bounds__(kHullThreads, 2)
     measure_hull_elements(const __grid_constant__ HullQuery<kMaxViews> query,
                           const __grid_constant__ PosedTool<kMaxViews> tool,
-                          const bool skips_clusters, const __grid_constant__ MeasureOutput out) {
+                          const __grid_constant__ MeasureOutput out) {
   FieldShare share;
   StiffnessShare stiffness;
   NoNoise noise;
-  add_hull_elements(query, tool, static_cast<int>(blockIdx.x), static_cast<int>(gridDim.x),
-                    skips_clusters, gpu::shared_memory<ViewScratch<kMaxViews, Sample>>(), share,
-                    stiffness, noise);
-  MeasureTerms mine;
-  add_share(share, mine);
-  auto& scratch = gpu::shared_memory<FinishScratchFor<Sample>>();
-  if constexpr (std::is_same_v<Sample, Curvature>) {
-    finish_measure(out, mine, stiffness.numbers, scratch);
-  } else {
-    finish_measure(out, mine, scratch);
-  }
+  add_hull_elements(query, tool, static_cast<int>(blockIdx.x), static_cast<int>(gridDim.x), true,
+                    gpu::shared_memory<ViewScratch<kMaxViews, Sample>>(), share, stiffness, noise);
+  finish<Sample>(out, share, stiffness);
+}
+
+// For tools with a block for each cluster.
+template <int kMaxViews, class Sample>
+__global__ void __launch_bounds__(kWholeThreads, 2)
+    measure_hull_clusters(const __grid_constant__ HullQuery<kMaxViews> query,
+                          const __grid_constant__ PosedTool<kMaxViews> tool,
+                          const __grid_constant__ MeasureOutput out) {
+  FieldShare share;
+  StiffnessShare stiffness;
+  add_hull_cluster(query, tool, static_cast<int>(blockIdx.x),
+                   gpu::shared_memory<WholeScratch<kMaxViews, Sample>>(), share, stiffness);
+  finish<Sample>(out, share, stiffness);
 }
 
 template <int kMaxViews>
@@ -83,27 +102,33 @@ __global__ void describe_hull(const __grid_constant__ HullQuery<kMaxViews> query
 
 int blocks_over(int num_threads, int threads) { return (num_threads + threads - 1) / threads; }
 
+template <int kMaxViews, class Sample>
+int resident_blocks(int gpu) {
+  const auto resident = [gpu](auto* kernel, int threads, std::size_t bytes) {
+    return gpu::resident_blocks(gpu, reinterpret_cast<const void*>(kernel), threads, bytes);
+  };
+  return std::min(resident(measure_hull_elements<kMaxViews, Sample>, kHullThreads,
+                           kSharedBytes<ViewScratch<kMaxViews, Sample>, Sample>),
+                  resident(measure_hull_clusters<kMaxViews, Sample>, kWholeThreads,
+                           kSharedBytes<WholeScratch<kMaxViews, Sample>, Sample>));
+}
 template <class Sample>
-int num_blocks(int gpu, int num_clusters) {
-  const int resident =
-      std::min(gpu::resident_blocks(
-                   gpu, reinterpret_cast<const void*>(&measure_hull_elements<kFewCameras, Sample>),
-                   kHullThreads, kSharedBytes<kFewCameras, Sample>),
-               gpu::resident_blocks(
-                   gpu, reinterpret_cast<const void*>(&measure_hull_elements<kMaxCameras, Sample>),
-                   kHullThreads, kSharedBytes<kMaxCameras, Sample>));
-  return std::max(1, std::min(num_clusters, resident));
+int num_blocks(int gpu, int num_clusters, int most) {
+  const int resident = std::min(resident_blocks<kFewCameras, Sample>(gpu),
+                                resident_blocks<kMaxCameras, Sample>(gpu));
+  return std::max(1, std::min(num_clusters, most > 0 ? most : resident));
 }
 
 }  // namespace
 
-DepthHullCuda::DepthHullCuda(const FieldTool& tool, const Vec3d& p_TC, int num_spheres, int gpu)
+DepthHullCuda::DepthHullCuda(const FieldTool& tool, const Vec3d& p_TC, int num_spheres, int gpu,
+                             int max_blocks)
     : tool_(tool),
       p_TC_(p_TC),
       num_spheres_(num_spheres),
       cameras_(std::make_unique<HullCameras>(gpu)),
-      answers_(gpu, num_blocks<Gradient>(gpu, tool.elements.num_clusters)),
-      stiffness_answers_(gpu, num_blocks<Curvature>(gpu, tool.elements.num_clusters),
+      answers_(gpu, num_blocks<Gradient>(gpu, tool.elements.num_clusters, max_blocks)),
+      stiffness_answers_(gpu, num_blocks<Curvature>(gpu, tool.elements.num_clusters, max_blocks),
                          AnswerBox::kMaxNumbers) {}
 
 DepthHullCuda::~DepthHullCuda() = default;
@@ -115,13 +140,18 @@ const Status& DepthHullCuda::status() const {
 template <int kMaxViews, class Sample>
 bool DepthHullCuda::launch(const HullCameras& cameras, AnswerBox& answers,
                            gpu::Stream& stream) noexcept {
-  const bool skips_clusters = tool_.elements.num_clusters > answers.num_blocks();
-  gpu::launch(stream,
-              {.blocks = answers.num_blocks(),
-               .threads = kHullThreads,
-               .shared_bytes = kSharedBytes<kMaxViews, Sample>},
-              measure_hull_elements<kMaxViews, Sample>, cameras.query<kMaxViews>(),
-              cameras.posed<kMaxViews>(tool_.elements), skips_clusters, answers.next());
+  const auto launch = [&](auto* kernel, int threads, std::size_t bytes) {
+    gpu::launch(stream, {.blocks = answers.num_blocks(), .threads = threads, .shared_bytes = bytes},
+                kernel, cameras.query<kMaxViews>(), cameras.posed<kMaxViews>(tool_.elements),
+                answers.next());
+  };
+  if (tool_.elements.num_clusters > answers.num_blocks()) {
+    launch(measure_hull_elements<kMaxViews, Sample>, kHullThreads,
+           kSharedBytes<ViewScratch<kMaxViews, Sample>, Sample>);
+  } else {
+    launch(measure_hull_clusters<kMaxViews, Sample>, kWholeThreads,
+           kSharedBytes<WholeScratch<kMaxViews, Sample>, Sample>);
+  }
   return answers.await(stream);
 }
 

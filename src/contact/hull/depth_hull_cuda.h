@@ -24,7 +24,9 @@ struct SphereCutsOnGpu {
 /// allocated at construction, but that of copies of fields that lie elsewhere.
 class DepthHullCuda {
  public:
-  DepthHullCuda(const FieldTool& tool, const Vec3d& p_TC, int num_spheres, int gpu);
+  /// `max_blocks`: largest number; 0: as many as run at once.
+  DepthHullCuda(const FieldTool& tool, const Vec3d& p_TC, int num_spheres, int gpu,
+                int max_blocks = 0);
   ~DepthHullCuda();
 
   /// See ContactQuery::measure; the pose is finite, with a unit quaternion.

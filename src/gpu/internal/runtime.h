@@ -141,6 +141,9 @@ class Stream {
   /// Marks an end of work, if not recording. `lap`: us on the device since then; waits.
   void mark() noexcept;
   double lap() noexcept;
+  /// Runs each kernel so many times from now on, for benchmarks: what a query takes on the device
+  /// shows in many launches in a row alone.
+  void repeat_kernels(int num) { num_repeats_ = num; }
 
   const Status& status() const { return status_; }
   int gpu() const { return gpu_; }
@@ -149,6 +152,7 @@ class Stream {
   struct Impl;
   int gpu_;
   std::unique_ptr<Impl> impl_;
+  int num_repeats_ = 1;
   Status status_ = Done{};
 };
 

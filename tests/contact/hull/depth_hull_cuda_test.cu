@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "src/contact/backends.h"
+#include "src/contact/field/field_contact_cuda.h"
 #include "src/field/internal/key_frames.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/gpu.h"
@@ -113,6 +114,46 @@ TEST_F(DepthHullCuda, ClustersThatLieDeepCountAsOnTheCpu) {
     expect_near(got, want, scale);
   }
   EXPECT_GE(num_deep, 1);
+}
+
+// A tool of few clusters has a block for each, which samples its ball beside its elements.
+TEST_F(DepthHullCuda, ABlockForEachClusterChangesRoundingAlone) {
+  Random random(11);
+  const Tool grid = test::grid_tool(), loose = test::random_tool(300, 0.06, 3);
+  std::vector<HullScene> scenes;
+  scenes.push_back(test::smooth_scene(4));
+  scenes.push_back(test::rough_memories(2, random));
+  scenes.push_back(test::rough_scene(5, {}, random));
+  scenes.push_back(test::rough_memories(1, random));
+  for (std::size_t s = 0; s < scenes.size(); ++s) {
+    const HullScene& scene = scenes[s];
+    const auto index = ToolIndex::create(s < 2 ? grid : loose);
+    const auto cpu = make_contact_query(Place::cpu(), index, FieldMethod{}).value();
+    const FieldContactCuda few(index, {}, 0, 2), many(index, {}, 0, 1000);
+    const double scale = index->tool().mesh_mass().volume;
+    for (int i = 0; i < 4; ++i) {
+      const Pose X_WT =
+          i % 2 == 0 ? Pose{{0, 0, 0.75 + 0.1 * i}, random.rotation(3.0)} : random_pose(random);
+      const ContactResult plain = many.measure(scene.views, X_WT);
+      const ContactResult got = many.measure(scene.views, X_WT, {.stiffness = true});
+      const ContactResult want = few.measure(scene.views, X_WT, {.stiffness = true});
+      expect_near(got, cpu->measure(scene.views, X_WT), scale);
+      for (const ContactResult* result : {&plain, &got}) {
+        const Penetration &a = result->penetration, &b = want.penetration;
+        EXPECT_NEAR(a.volume, b.volume, 1e-6 * scale);
+        EXPECT_NEAR(a.potential, b.potential, 1e-7 * scale);
+        EXPECT_NEAR(norm(a.measure_W.force - b.measure_W.force), 0, 1e-6 * scale);
+        EXPECT_NEAR(norm(a.measure_W.torque - b.measure_W.torque), 0, 1e-7 * scale);
+        EXPECT_NEAR(a.unseen_volume, b.unseen_volume, 1e-6 * scale);
+        EXPECT_EQ(a.num_boundary_spheres, b.num_boundary_spheres);
+        EXPECT_EQ(a.num_inside_spheres, b.num_inside_spheres);
+      }
+      for (int k = 0; k < 36; ++k) {
+        const double size = std::abs(want.stiffness->m[k % 6][k % 6]) + scale;
+        EXPECT_NEAR(got.stiffness->m[k / 6][k % 6], want.stiffness->m[k / 6][k % 6], 1e-3 * size);
+      }
+    }
+  }
 }
 
 TEST_F(DepthHullCuda, RemembersAsTheCpu) {
