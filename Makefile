@@ -3,9 +3,9 @@
 SHELL := /bin/bash
 JOBS ?= $(shell nproc)
 
-# One preset of CMakePresets.json = one folder under build/.
+# One preset of CMakePresets.json = one folder under build/. Further options for CMake follow the preset.
 define build_preset
-cmake --preset $(1)
+cmake --preset $(1) $(2)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
@@ -23,14 +23,14 @@ build: setup  ## build the release into build/release
 demo:  ## set up, build, and run the main job; results in demo/
 	scripts/demo.sh --build $(JOBS)
 
-test:  ## set up, lint, build, and run all tests
+test:  ## set up, lint, build, and run all tests but those of long-test
 	scripts/setup.sh --test
 	$(MAKE) lint
-	$(call build_preset,release)
+	$(call build_preset,release,-DPALPATE_EVAL=OFF)
 	tools/check_kernel_objects.sh build/release
 	scripts/test.sh release -LE long
 
-long-test: setup  ## tests with more than a minute of processor whose parts have tests of their own (label long)
+long-test: setup  ## the evaluation with its tests, and tests of more than a minute of processor whose parts have their own (label long)
 	scripts/setup.sh --test
 	$(call build_preset,release)
 	scripts/test.sh release -L long

@@ -265,13 +265,13 @@ endfunction()
 set(PALPATE_TEST_COMPUTES PROCESSORS 3)
 set(PALPATE_TEST_BY_CLOCK PROCESSORS 2 RESOURCE_LOCK clock LABELS clock COST 100)
 
-# palpate_test(NAME [LIVE] [THREADED] SOURCES a.cpp ... [APART b.cpp ...] LIBRARIES ...): one GoogleTest program, found by
+# palpate_test(NAME [LIVE] [THREADED] [LONG] SOURCES a.cpp ... [APART b.cpp ...] LIBRARIES ...): one GoogleTest program, found by
 # CTest. SOURCES are compiled together, as palpate_together does; APART are those whose names are others' names, too.
 # LIVE tests run by the clock of the computer: one of them at a time. They and THREADED ones are the target
-# threaded_tests and have the label threads: what the thread sanitizer looks at (make tsan). Time-outs are for
-# what hangs, on a machine that is busy with other things.
+# threaded_tests and have the label threads: what the thread sanitizer looks at (make tsan). LONG ones have the label
+# long and are left to make long-test. Time-outs are for what hangs, on a machine that is busy with other things.
 function(palpate_test name)
-  cmake_parse_arguments(TEST "LIVE;THREADED" "" "SOURCES;APART;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(TEST "LIVE;THREADED;LONG" "" "SOURCES;APART;LIBRARIES" ${ARGN})
   set(properties TIMEOUT 1800 ${PALPATE_TEST_COMPUTES})
   if(TEST_LIVE)
     set(properties TIMEOUT 1800 ${PALPATE_TEST_BY_CLOCK})
@@ -279,6 +279,9 @@ function(palpate_test name)
   if(TEST_LIVE OR TEST_THREADED)
     list(APPEND properties LABELS threads)
     set_property(GLOBAL APPEND PROPERTY PALPATE_THREADED_TESTS ${name})
+  endif()
+  if(TEST_LONG)
+    list(APPEND properties LABELS long)
   endif()
   add_executable(${name} ${TEST_SOURCES} ${TEST_APART})
   set_target_properties(${name} PROPERTIES UNITY_BUILD ${PALPATE_TOGETHER} UNITY_BUILD_BATCH_SIZE 6)

@@ -19,7 +19,7 @@ async function finished(args, which) {
   assert.equal(await run.ended, 0, `${args.join(' ')}\n${run.errors}`);
 }
 
-const hasEvaluation = existsSync(evaluation);
+const hasEvaluation = existsSync(evaluation); // else make long-test looks at its report
 const tool = join(folder, 'tool.palp');
 let isMade = false;
 /// A tool with its page, and runs with theirs: along a path, with a hand, against a block that it pushes
