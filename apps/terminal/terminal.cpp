@@ -228,8 +228,6 @@ std::string printable(const std::string& text) {
 
 void set_quiet() { g_is_quiet = true; }
 
-bool is_quiet() { return g_is_quiet; }
-
 std::ostream& results() {
   static std::ostream nowhere(nullptr);
   return g_is_quiet ? nowhere : std::cout;

@@ -43,7 +43,6 @@ std::string printable(const std::string& text);
 /// Leaves out notes, progress and results in words (--quiet): errors, and results that were asked
 /// for as numbers or JSON, are printed.
 void set_quiet();
-bool is_quiet();
 /// std::cout for results in words; with --quiet a stream that drops them.
 std::ostream& results();
 

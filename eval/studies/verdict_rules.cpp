@@ -120,10 +120,6 @@ Verdict waits_less_and_less(const std::vector<double>& waits) {
                                                            : Verdict::contradicts;
 }
 
-Verdict begins_at(double measured, double claimed, double tolerance) {
-  return std::abs(measured - claimed) <= tolerance ? Verdict::agrees : Verdict::differs;
-}
-
 Verdict is_continuous(double largest_step, double largest_of_half_steps) {
   if (!are_finite(largest_step, largest_of_half_steps)) return Verdict::not_measured;
   return largest_of_half_steps <= kHalfStep * largest_step ? Verdict::agrees

@@ -54,9 +54,6 @@ Verdict is_below_from(const std::vector<double>& x, const std::vector<double>& a
 /// zero: then there is nothing to reduce.
 Verdict waits_less_and_less(const std::vector<double>& waits);
 
-/// "It begins at about x = `claimed`": within `tolerance`; else differs. NaN: it never begins.
-Verdict begins_at(double measured, double claimed, double tolerance);
-
 /// "The curve is continuous": halving the steps along it has to make its largest step smaller, by
 /// half where it is smooth; a jump stays. Contradicted where the step stays within a tenth.
 Verdict is_continuous(double largest_step, double largest_of_half_steps);

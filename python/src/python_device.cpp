@@ -44,10 +44,9 @@ DeviceInfo info_of(nb::handle object) {
 class PolledInPython final : public PolledDevice {
  public:
   PolledInPython(nb::handle object, std::shared_ptr<nb::object> raised)
-      : info_(info_of(object)),
-        read_(object.attr("read")),
-        write_(object.attr("write")),
-        raised_(std::move(raised)) {}
+      : read_(object.attr("read")), write_(object.attr("write")), raised_(std::move(raised)) {
+    info_ = info_of(object);
+  }
 
   ~PolledInPython() override {
     const nb::gil_scoped_acquire gil;
@@ -56,7 +55,6 @@ class PolledInPython final : public PolledDevice {
     raised_.reset();
   }
 
-  const DeviceInfo& info() const override { return info_; }
   Status begin() override { return Done{}; }
 
   bool read(DeviceState& state) noexcept override {
@@ -98,7 +96,6 @@ class PolledInPython final : public PolledDevice {
   }
 
   void end() noexcept override { write({}); }
-  Error trouble() const override { return trouble_; }
 
  private:
   bool keep(nb::python_error& error, const char* where) {
@@ -119,11 +116,9 @@ class PolledInPython final : public PolledDevice {
     return false;
   }
 
-  const DeviceInfo info_;
   nb::object read_, write_;
   std::shared_ptr<nb::object> raised_;
   double last_time_ = 0;
-  Error trouble_;
 };
 
 }  // namespace

@@ -37,15 +37,6 @@ BodySolver::BodySolver(int max_bodies, std::span<const double> mass_of_place)
   touches_.reserve(mass_of_place.size());
 }
 
-void BodySolver::reset() noexcept {
-  for (Place& place : places_) {
-    place.friction.reset();
-    place.force = {};
-    place.potential = place.paid = place.given = 0;
-    place.is_held = place.was_held = false;
-  }
-}
-
 Vec6 BodySolver::motion(const BodyTouch& touch, const Work& work,
                         std::span<const Vec6> velocities) const {
   Vec6 moves{-touch.V_W.linear, -touch.V_W.angular};

@@ -5,9 +5,30 @@
 
 namespace palpate { inline namespace v0 {
 
+/// Cameras of a library that was loaded when the program runs; without it, why there are none.
+template <class Api>
+FoundCameras found_by(const Result<Api>& loaded) {
+  FoundCameras found;
+  found.is_live = true;
+  found.is_usable = loaded.has_value();
+  if (loaded) {
+    found.library = loaded->path;
+  } else {
+    found.reason = loaded.error().message;
+  }
+  return found;
+}
+/// Cameras that need nothing.
+inline FoundCameras always_there(std::string what) {
+  FoundCameras found;
+  found.is_usable = true;
+  found.reason = std::move(what);
+  return found;
+}
+
 /// Opens the raw stream that a URI of its kind names.
 using OpenKind = Result<RawStream>(const CameraUri& uri, const CameraOpening& opening);
-/// Finds the cameras of a kind that can be used here.
+/// Finds the cameras of a kind that can be used here. Leaves `kind` and `usage` empty.
 using FindKind = FoundCameras();
 
 OpenKind open_folder_camera, open_scene_camera, open_pipe_camera, open_bag_camera,

@@ -32,7 +32,7 @@ constexpr Kind kKinds[] = {
     {"freenect", "freenect[:NUMBER]", open_freenect_camera, find_freenect_cameras},
     {"orbbec", "orbbec[:SERIAL]", open_orbbec_camera, find_orbbec_cameras},
     {"v4l2", "v4l2[:/dev/videoN]?intrinsics=", open_v4l2_camera, find_v4l2_cameras},
-    {"ros2", "ros2:/TOPIC", open_ros2_camera, find_ros2_cameras},
+    {"ros2", "ros2:/TOPIC[?info=/TOPIC&qos=reliable]", open_ros2_camera, find_ros2_cameras},
     {"pipe", "pipe:[FILE|-]", open_pipe_camera, find_pipe_cameras},
 };
 
@@ -92,13 +92,16 @@ Result<std::unique_ptr<DepthSource>> open_unposed(const Kind& kind, const Camera
 std::vector<FoundCameras> find_cameras() {
   keep_libraries_quiet();
   constexpr double kPatience = 30;  // s
-  return find_all_at_once(kKinds, kPatience, [](const Kind& kind) {
+  auto all = find_all_at_once(kKinds, kPatience, [](const Kind&) {
     FoundCameras found;
-    found.kind = kind.name;
-    found.usage = kind.usage;
     found.reason = "its driver has not returned for 30 s; unplug its cameras and try again";
     return found;
   });
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    all[i].kind = kKinds[i].name;
+    all[i].usage = kKinds[i].usage;
+  }
+  return all;
 }
 
 Result<std::optional<Pose>> standing_pose(const CameraUri& uri) {

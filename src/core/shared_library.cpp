@@ -52,6 +52,11 @@ Result<SharedLibrary> SharedLibrary::open(std::span<const std::string> candidate
 
 void* SharedLibrary::symbol(const char* name) const { return dlsym(handle_, name); }
 
+Status SharedLibrary::check(const std::string& remedy) const {
+  if (missing_.empty()) return Done{};
+  return Error{Errc::unavailable, path_ + " lacks " + listed(missing_) + remedy};
+}
+
 std::vector<std::string> library_files(const std::string& folder, std::string_view stem) {
   std::vector<std::string> files;
   std::error_code error;
@@ -73,6 +78,11 @@ std::string version_of_file(std::string_view path) {
 std::string environment(const char* variable) {
   const char* value = std::getenv(variable);
   return value == nullptr ? "" : value;
+}
+
+std::vector<std::string> given_by(const char* variable) {
+  std::string value = environment(variable);
+  return value.empty() ? std::vector<std::string>() : std::vector{std::move(value)};
 }
 
 std::string listed(std::span<const std::string> names) {

@@ -17,29 +17,17 @@ struct NetAddress;
 constexpr double assumed_damping(double max_stiffness) { return max_stiffness * 0.5e-3; }
 
 /// Opens the device at the address after the kind's name and colon; empty: the first one found.
-using OpenDevice = Result<std::unique_ptr<HapticDevice>> (*)(std::string_view address);
+using OpenDevice = Result<std::unique_ptr<HapticDevice>>(std::string_view address);
 /// Reports the usable devices of a kind; takes 0.3 s at most and never moves a device.
-using FindDevice = FoundDevice (*)();
+using FindDevice = FoundDevice();
 
-Result<std::unique_ptr<HapticDevice>> open_simulated_device(std::string_view address);
-Result<std::unique_ptr<HapticDevice>> open_replay_device(std::string_view address);
-Result<std::unique_ptr<HapticDevice>> open_spacenav_device(std::string_view address);
-Result<std::unique_ptr<HapticDevice>> open_haply_device(std::string_view address);
-Result<std::unique_ptr<HapticDevice>> open_force_dimension_device(std::string_view address);
-Result<std::unique_ptr<HapticDevice>> open_open_haptics_device(std::string_view address);
-Result<std::unique_ptr<HapticDevice>> open_vrpn_device(std::string_view address);
-Result<std::unique_ptr<HapticDevice>> open_ros2_device(std::string_view address);
-Result<std::unique_ptr<HapticDevice>> open_page_device(std::string_view address);
-
-FoundDevice find_spacenav_device();
-FoundDevice find_haply_device();
-FoundDevice find_force_dimension_device();
-FoundDevice find_open_haptics_device();
-FoundDevice find_vrpn_device();
-/// The same at a stated place.
+OpenDevice open_simulated_device, open_replay_device, open_spacenav_device, open_haply_device,
+    open_force_dimension_device, open_open_haptics_device, open_vrpn_device, open_ros2_device,
+    open_page_device;
+FindDevice find_spacenav_device, find_haply_device, find_force_dimension_device,
+    find_open_haptics_device, find_vrpn_device, find_ros2_device, find_page_device;
+/// Reports the devices of a VRPN server at a stated place.
 FoundDevice find_vrpn_device_at(const NetAddress& address);
-FoundDevice find_ros2_device();
-FoundDevice find_page_device();
 
 /// Open or find devices, waiting `patience` seconds for a driver: 30 in open_device, 10 in
 /// find_devices.

@@ -14,8 +14,8 @@ namespace {
 
 struct Kind {
   std::string_view name, usage;
-  OpenDevice open;
-  FindDevice find;
+  OpenDevice& open;
+  FindDevice& find;
 };
 
 FoundDevice find_simulated_device() {
@@ -49,7 +49,7 @@ constexpr double kFindPatience = 10, kOpenPatience = 30;  // s
 Result<std::unique_ptr<HapticDevice>> open_in_time(const Kind& kind, std::string_view address,
                                                    double patience) {
   const auto opened = std::make_shared<std::optional<Result<std::unique_ptr<HapticDevice>>>>();
-  if (returns_within(patience, [opened, open = kind.open, where = std::string(address)] {
+  if (returns_within(patience, [opened, open = &kind.open, where = std::string(address)] {
         *opened = open(where);
       })) {
     return *std::move(*opened);

@@ -78,10 +78,8 @@ Result<Api> load() {
   library->require("dds_qset_history", api.set_history);
   library->require("dds_qset_userdata", api.set_user_data);
   library->require("dds_qset_data_representation", api.set_representation);
-  if (!library->missing().empty()) {
-    return Error{Errc::unavailable, library->path() + " lacks " + listed(library->missing()) +
-                                        "; install Cyclone DDS 0.10 or newer"};
-  }
+  if (const auto status = library->check("; install Cyclone DDS 0.10 or newer"); !status)
+    return status.error();
   api.path = file_of(reinterpret_cast<const void*>(api.create_participant), library->path());
   api.version = version_of_file(api.path);
   return api;

@@ -75,12 +75,7 @@ class Subscription final : public RosSubscription {
   }
   /// Error: the system starts no thread.
   Status start() {
-    try {
-      thread_ = std::thread([this] { listen(); });
-    } catch (const std::system_error& error) {
-      return Error{Errc::unavailable, std::string("cannot start a thread: ") + error.what()};
-    }
-    return Done{};
+    return start_thread(thread_, "that listens to a topic", [this] { listen(); });
   }
   int num_writers() const override {
     return dds::api()->matched_writers(reader_.endpoint.get(), nullptr, 0);

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <condition_variable>
 #include <mutex>
-#include <system_error>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -26,14 +24,9 @@ class ReadAhead final : public DepthSource {
   }
 
   Status start() {
-    try {
-      thread_ = std::thread(
-          [this] { guarded([&] { read_all(); }, [&](const Error& error) { end(error); }); });
-    } catch (const std::system_error& error) {
-      return Error{Errc::unavailable, std::string("cannot start the thread that reads frames: ") +
-                                          error.what() + "; end other programs and try again"};
-    }
-    return Done{};
+    return start_thread(thread_, "that reads frames", [this] {
+      guarded([&] { read_all(); }, [&](const Error& error) { end(error); });
+    });
   }
 
   const DepthStreamInfo& info() const override { return info_; }

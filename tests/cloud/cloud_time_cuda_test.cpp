@@ -42,9 +42,7 @@ TEST(DepthAveragerCuda, EqualsTheCpu) {
         DepthAveragerCuda cuda =
             std::move(DepthAveragerCuda::create(kWidth, kHeight, options, 0)).value();
         stream.begin_recording();
-        cuda.enqueue(stream, {0, 11});
-        cuda.enqueue(stream, {11, 11});
-        cuda.enqueue(stream, {11, kHeight});
+        cuda.enqueue(stream);
         const gpu::Graph graph = stream.end_recording();
         for (const DepthFrame& frame : frames) {
           std::ranges::copy(frame.pixels, cuda.input().begin());
@@ -95,7 +93,7 @@ TEST(DepthAveragerCuda, RefusesBadOptions) {
   EXPECT_FALSE(DepthAveragerCuda::create(7, kHeight, {}, 0));
 }
 
-// Averaged, estimated and blended, all in parts: the chain of a stream that is predicted.
+// Averaged, estimated and blended: the chain of a stream that is predicted.
 TEST(CloudBlendCuda, EqualsTheCpuBehindAveragedSurfaces) {
   PALPATE_GPU_OR_SKIP();
   const std::vector<DepthFrame> frames = stream_of_frames(3);
@@ -115,10 +113,8 @@ TEST(CloudBlendCuda, EqualsTheCpuBehindAveragedSurfaces) {
     cuda.push_back(std::move(SurfaceCuda::create(kWidth, kHeight, k, {}, 0)).value());
     std::ranges::copy(frame.pixels, averager_cuda.input().begin());
     averager_cuda.set_unit(frame.unit);
-    for (int part = 0; part < 2; ++part) {
-      averager_cuda.enqueue(stream, cuda.back().input_rows(part, 2));
-      cuda.back().enqueue_depth(stream, averager_cuda.depth(), part, 2);
-    }
+    averager_cuda.enqueue(stream);
+    cuda.back().enqueue_depth(stream, averager_cuda.depth());
     test::expect_same_cloud(stream, cuda.back().cloud(), cpu.back().cloud());
   }
   PointCloud expected(kWidth, kHeight, k);

@@ -44,7 +44,7 @@ struct Pair {
     ASSERT_TRUE(stream.wait()) << stream.status().error().message;
     EXPECT_EQ(cuda.stats().num_valid, expected.num_valid);
     EXPECT_EQ(cuda.stats().num_points, expected.num_points);
-    test::expect_same_bits(test::copy_to_host(stream, cuda.depth(), cpu.depth().size()),
+    test::expect_same_bits(test::copy_to_host(stream, cuda.cloud().depth, cpu.depth().size()),
                            cpu.depth().data(), "depth");
     test::expect_same_cloud(stream, cuda.cloud(), cpu.cloud());
     const FrameNoise &got = *cuda.cloud().noise, &want = *cpu.cloud().noise;
@@ -355,7 +355,8 @@ TEST(SurfaceCuda, SmoothsEachImageOfABatchByItself) {
   for (std::size_t i = 0; i < kImages; ++i) {
     SCOPED_TRACE(i);
     cpu.update(std::span(depth).subspan(i * kPixels, kPixels), pool);
-    const float* const image = cuda.depth() + static_cast<std::ptrdiff_t>(i) * cuda.points_apart();
+    const float* const image =
+        cuda.cloud().depth + static_cast<std::ptrdiff_t>(i) * cuda.points_apart();
     test::expect_same_bits(test::copy_to_host(stream, image, kPixels), cpu.depth().data(), "depth");
   }
 }

@@ -34,7 +34,6 @@ class ScriptedDevice final : public PolledDevice {
  public:
   explicit ScriptedDevice(Diary& diary) : diary_(diary) { info_.rate = 2000; }
 
-  const DeviceInfo& info() const override { return info_; }
   Status begin() override {
     if (diary_.while_beginning) diary_.while_beginning();
     if (!diary_.begins) return Error{Errc::unavailable, "unplugged"};
@@ -56,7 +55,6 @@ class ScriptedDevice final : public PolledDevice {
 
  private:
   Diary& diary_;
-  DeviceInfo info_;
 };
 
 TEST(PollingDevice, ReadsTicksAndWritesInTurnWithoutAllocating) {

@@ -10,6 +10,7 @@
 
 #include "src/devices/transport/web_socket_frames.h"
 #include "src/io/internal/base64.h"
+#include "src/io/internal/hashes.h"
 #include "tests/devices/mutation.h"
 #include "tests/test_util/allocation_counter.h"
 

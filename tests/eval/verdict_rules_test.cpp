@@ -125,12 +125,6 @@ TEST(VerdictRules, WaitsLessAndLessOnlyWhereAnythingWaits) {
   EXPECT_EQ(waits_less_and_less({30}), Verdict::not_measured);
 }
 
-TEST(VerdictRules, Begins) {
-  EXPECT_EQ(begins_at(75, 80, 10), Verdict::agrees);
-  EXPECT_EQ(begins_at(25, 80, 10), Verdict::differs);
-  EXPECT_EQ(begins_at(kNan, 80, 10), Verdict::differs);
-}
-
 TEST(VerdictRules, Continuous) {
   EXPECT_EQ(is_continuous(2, 1), Verdict::agrees);
   EXPECT_EQ(is_continuous(2, 1.7), Verdict::differs);

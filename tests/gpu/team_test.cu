@@ -46,28 +46,25 @@ TEST(Team, EveryThreadArrivesAtABarrierBeforeAnyGoesOn) {
   });
 }
 
-struct SumScratch {
-  double sums[2 * kThreads / gpu::kWarpSize];
-  int is_last;
-};
+constexpr int kWarps = kThreads / gpu::kWarpSize;
 
 __global__ void add_up(const double* values, double* partial, double* total,
                        unsigned long long* count) {
-  auto& shared = gpu::shared_memory<SumScratch>();
+  auto& is_last = gpu::shared_memory<int>();
   double sums[2] = {0, 0};
   for (int i = gpu::grid_thread(); i < 10 * kNum; i += gpu::grid_threads()) {
     sums[0] += values[i];
     sums[1] += 1;
   }
-  gpu::block_sum(sums, 2, shared.sums);
-  if (threadIdx.x == 0) {
-    partial[2 * blockIdx.x] = sums[0];
-    partial[2 * blockIdx.x + 1] = sums[1];
+  const unsigned warp = blockIdx.x * kWarps + static_cast<unsigned>(gpu::warp_id());
+  for (unsigned k = 0; k < 2; ++k) {
+    const double sum = gpu::warp_sum(sums[k]);
+    if (gpu::lane_id() == 0) partial[2 * warp + k] = sum;
   }
-  if (!gpu::is_last_block(count, &shared.is_last) || threadIdx.x != 0) return;
-  for (unsigned block = 0; block < gridDim.x; ++block) {
-    total[0] += partial[2 * block];
-    total[1] += partial[2 * block + 1];
+  if (!gpu::is_last_block(count, &is_last) || threadIdx.x != 0) return;
+  for (unsigned each = 0; each < gridDim.x * kWarps; ++each) {
+    total[0] += partial[2 * each];
+    total[1] += partial[2 * each + 1];
   }
 }
 
@@ -84,9 +81,8 @@ TEST(Team, SumsAreRightAndAlwaysTheSameBits) {
     gpu::Memory memory(0);
     gpu::Stream stream(0, gpu::Priority::low);
     double* const total = memory.take_pinned<double>(2);
-    gpu::launch(stream,
-                {.blocks = kBlocks, .threads = kThreads, .shared_bytes = sizeof(SumScratch)},
-                add_up, memory.copy_of(values), memory.take<double>(2 * kBlocks), total,
+    gpu::launch(stream, {.blocks = kBlocks, .threads = kThreads, .shared_bytes = sizeof(int)},
+                add_up, memory.copy_of(values), memory.take<double>(2 * kBlocks * kWarps), total,
                 memory.take<unsigned long long>(1));
     ASSERT_TRUE(stream.wait()) << stream.status().error().message;
     EXPECT_NEAR(total[0], want, 1e-12 * want);

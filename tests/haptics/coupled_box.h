@@ -1,7 +1,10 @@
 // A device and the box that it holds, for tests of couplings.
 #pragma once
 
+#include <limits>
+
 #include "palpate/haptics/coupling.h"
+#include "tests/test_util/random.h"
 
 namespace palpate::test::coupled_box {
 
@@ -14,6 +17,14 @@ inline const DeviceLimits kLimits{.max_force = 10,
                                   .workspace_radius = 0.1,
                                   .damping = 1,
                                   .angular_damping = 1e-3};
+
+/// Up to `usual` in size, and now and then a number that no device should report.
+inline double strange_number(test::Random& random, double usual) {
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  constexpr double kBad[] = {
+      std::numeric_limits<double>::quiet_NaN(), kInf, 1e308, -1e308, 0, -1, 1e-308};
+  return random.uniform() < 0.02 ? kBad[random.bits() % 7] : usual * random.uniform(-1, 1);
+}
 
 /// A box of 2 x 4 x 6 cm.
 inline MassProperties box_tool() {

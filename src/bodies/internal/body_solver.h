@@ -68,8 +68,6 @@ class BodySolver {
   /// Returns the energy stored in sticking contacts, J.
   double friction_energy() const noexcept;
 
-  /// Forgets all contacts.
-  void reset() noexcept;
   /// Copies the state of another solver with the same places.
   void take_over(const BodySolver& other) {
     places_ = other.places_;

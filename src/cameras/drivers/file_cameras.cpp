@@ -58,13 +58,8 @@ Result<RawStream> open_folder_camera(const CameraUri& uri, const CameraOpening&)
 }
 
 FoundCameras find_folder_cameras() {
-  return {"folder",
-          "folder:DIR",
-          true,
-          "",
-          "",
-          {},
-          "16-bit PNGs in name order or by a depth.txt, with ?intrinsics=; or PCD or PLY clouds"};
+  return always_there(
+      "16-bit PNGs in name order or by a depth.txt, with ?intrinsics=; or PCD or PLY clouds");
 }
 
 Result<RawStream> open_scene_camera(const CameraUri& uri, const CameraOpening& opening) {
@@ -109,8 +104,7 @@ Result<RawStream> open_scene_camera(const CameraUri& uri, const CameraOpening& o
 }
 
 FoundCameras find_scene_cameras() {
-  FoundCameras found{
-      "scene", "scene:NAME", true, "", "", {}, "a simulated depth camera; ?noise=off, ?seed=N"};
+  FoundCameras found = always_there("a simulated depth camera; ?noise=off, ?seed=N");
   for (const std::string& name : scenes::scene_names()) found.devices.push_back("scene:" + name);
   return found;
 }

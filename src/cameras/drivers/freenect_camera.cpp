@@ -1,7 +1,6 @@
 // Kinect v1 by libfreenect, with declarations of our own (libfreenect.h, version 0.5).
 #include <sys/time.h>
 
-#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <utility>
@@ -53,10 +52,7 @@ struct Api {
 };
 
 Result<Api> load() {
-  std::vector<std::string> candidates;
-  if (const std::string given = environment("FREENECT_LIBRARY"); !given.empty()) {
-    candidates.push_back(given);
-  }
+  std::vector<std::string> candidates = given_by("FREENECT_LIBRARY");
   candidates.insert(candidates.end(), {"libfreenect.so.0.5", "libfreenect.so.0", "libfreenect.so"});
   auto library = SharedLibrary::open(candidates);
   if (!library) {
@@ -81,10 +77,8 @@ Result<Api> load() {
   library->require("freenect_stop_depth", api.stop);
   library->require("freenect_process_events_timeout", api.process);
   library->find("freenect_set_flag", api.set_flag);
-  if (!library->missing().empty()) {
-    return Error{Errc::unavailable, library->path() + " lacks " + listed(library->missing()) +
-                                        "; install libfreenect 0.2 or newer"};
-  }
+  if (const Status status = library->check("; install libfreenect 0.2 or newer"); !status)
+    return status.error();
   api.path = library->path();
   return api;
 }
@@ -135,7 +129,7 @@ std::vector<std::uint16_t> millimeters_of_disparity() {
   return table;
 }
 
-class FreenectSource final : public DepthSource {
+class FreenectSource final : public MakersSource {
  public:
   explicit FreenectSource(const Api& api) : api_(api), connection_(api) {}
   ~FreenectSource() override {
@@ -186,9 +180,6 @@ class FreenectSource final : public DepthSource {
     return Done{};
   }
 
-  const DepthStreamInfo& info() const override { return info_; }
-  void cancel() noexcept override { is_cancelled_ = true; }
-
   Result<bool> next(DepthFrame& frame) override {
     desired_ = &frame;
     const double begin = monotonic_now();
@@ -197,9 +188,8 @@ class FreenectSource final : public DepthSource {
       if (api_.process(connection_.context(), &wait) < 0) {
         return Error{Errc::unavailable, info_.name + " has been lost"};
       }
-      if (desired_ != nullptr && monotonic_now() - begin > kLongestSilence) {
-        return Error{Errc::unavailable, info_.name + " sends no frames; check its cables"};
-      }
+      if (const Status status = check_silence(begin); desired_ != nullptr && !status)
+        return status.error();
     }
     return desired_ == nullptr;
   }
@@ -235,13 +225,11 @@ class FreenectSource final : public DepthSource {
   const Api& api_;
   const Connection connection_;
   Device* device_ = nullptr;
-  DepthStreamInfo info_;
   std::vector<std::uint16_t> millimeters_;  // of each disparity, if the camera sends disparities
   DepthFrame* desired_ = nullptr;           // the frame to fill
   std::int64_t ticks_ = 0;                  // since the first frame
   std::uint32_t last_stamp_ = 0;
   bool has_stamp_ = false, is_started_ = false;
-  std::atomic<bool> is_cancelled_ = false;
 };
 
 }  // namespace
@@ -261,13 +249,9 @@ Result<RawStream> open_freenect_camera(const CameraUri& uri, const CameraOpening
 }
 
 FoundCameras find_freenect_cameras() {
-  FoundCameras found{"freenect", "freenect[:NUMBER]", false, "", "", {}, "", true};
   const Result<Api>& loaded = api();
-  if (!loaded) {
-    found.reason = loaded.error().message;
-    return found;
-  }
-  found.library = loaded->path;
+  FoundCameras found = found_by(loaded);
+  if (!loaded) return found;
   found.version = version_of_file(loaded->path);
   const int num = Connection(*loaded).num_devices();
   found.is_usable = num >= 0;

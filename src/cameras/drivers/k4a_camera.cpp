@@ -1,7 +1,6 @@
 // Azure Kinect, Femto and their recordings (.mkv) by libk4a and libk4arecord, with declarations of
 // our own (k4atypes.h, version 1.4).
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <filesystem>
 #include <utility>
@@ -74,8 +73,7 @@ struct Api {
 };
 
 std::vector<std::string> places(const char* variable, const char* stem) {
-  std::vector<std::string> candidates;
-  if (const std::string given = environment(variable); !given.empty()) candidates.push_back(given);
+  std::vector<std::string> candidates = given_by(variable);
   for (const char* version : {".so", ".so.1.4", ".so.1.3"}) {
     candidates.push_back(std::string(stem) + version);
   }
@@ -98,9 +96,7 @@ void load_record(Api& api) {
   library->require("k4a_playback_close", api.close_file);
   library->require("k4a_playback_get_calibration", api.file_calibration);
   library->require("k4a_playback_get_next_capture", api.file_capture);
-  if (!library->missing().empty()) {
-    api.no_record = library->path() + " lacks " + listed(library->missing());
-  }
+  if (const Status status = library->check(""); !status) api.no_record = status.error().message;
 }
 
 Result<Api> load() {
@@ -128,10 +124,8 @@ Result<Api> load() {
   library->require("k4a_image_get_stride_bytes", api.stride);
   library->require("k4a_image_get_device_timestamp_usec", api.microseconds);
   library->require("k4a_image_release", api.release_image);
-  if (!library->missing().empty()) {
-    return Error{Errc::unavailable, library->path() + " lacks " + listed(library->missing()) +
-                                        "; install libk4a 1.3 or newer"};
-  }
+  if (const Status status = library->check("; install libk4a 1.3 or newer"); !status)
+    return status.error();
   api.path = library->path();
   load_record(api);
   return api;
@@ -142,7 +136,7 @@ const Result<Api>& api() {
   return loaded;
 }
 
-class K4aSource final : public DepthSource {
+class K4aSource final : public MakersSource {
  public:
   K4aSource(const Api& api, Handle* handle, bool is_file)
       : api_(api), handle_(handle), is_file_(is_file) {}
@@ -180,9 +174,6 @@ class K4aSource final : public DepthSource {
     return Done{};
   }
 
-  const DepthStreamInfo& info() const override { return info_; }
-  void cancel() noexcept override { is_cancelled_ = true; }
-
   Result<bool> next(DepthFrame& frame) override {
     if (held_ == nullptr) {
       const auto got = take();
@@ -218,9 +209,7 @@ class K4aSource final : public DepthSource {
         return Error{is_file_ ? Errc::bad_input : Errc::unavailable,
                      info_.name + (is_file_ ? " is damaged" : " has been lost")};
       }
-      if (!is_file_ && monotonic_now() - begin > kLongestSilence) {
-        return Error{Errc::unavailable, info_.name + " sends no frames; check its cable"};
-      }
+      if (const Status status = check_silence(begin); !is_file_ && !status) return status.error();
     }
     return false;
   }
@@ -236,8 +225,6 @@ class K4aSource final : public DepthSource {
   Handle* held_ = nullptr;  // an image
   const bool is_file_;
   bool is_started_ = false;
-  DepthStreamInfo info_;
-  std::atomic<bool> is_cancelled_ = false;
 };
 
 }  // namespace
@@ -276,14 +263,9 @@ Result<RawStream> open_k4a_camera(const CameraUri& uri, const CameraOpening&) {
 }
 
 FoundCameras find_k4a_cameras() {
-  FoundCameras found{"k4a", "k4a[:NUMBER|FILE.mkv]", false, "", "", {}, "", true};
   const Result<Api>& loaded = api();
-  if (!loaded) {
-    found.reason = loaded.error().message;
-    return found;
-  }
-  found.is_usable = true;
-  found.library = loaded->path;
+  FoundCameras found = found_by(loaded);
+  if (!loaded) return found;
   found.version = version_of_file(loaded->path);  // the library reports none
   const std::uint32_t num = loaded->device_count();
   for (std::uint32_t i = 0; i < num; ++i) found.devices.push_back("k4a:" + std::to_string(i));

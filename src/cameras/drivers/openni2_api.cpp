@@ -41,10 +41,8 @@ Result<Api> load() {
   library->require("oniFrameRelease", api.release);
   library->require("oniStreamSetProperty", api.set);
   library->require("oniStreamGetProperty", api.get);
-  if (!library->missing().empty()) {
-    return Error{Errc::unavailable, library->path() + " lacks " + listed(library->missing()) +
-                                        "; install OpenNI 2.2 or newer"};
-  }
+  if (const Status status = library->check("; install OpenNI 2.2 or newer"); !status)
+    return status.error();
   api.path = library->path();
   if (api.initialize(kApiVersion) != kOk) {
     return Error{Errc::unavailable, api.path + " does not start: " + api.last_error()};

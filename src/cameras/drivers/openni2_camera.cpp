@@ -1,7 +1,6 @@
 // Kinect v1, Xtion, Astra and .oni files by OpenNI2.
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cctype>
 #include <chrono>
 #include <cmath>
@@ -29,7 +28,7 @@ double unit_of(const VideoMode& mode) { return mode.format == kTenths ? 0.0001 :
 constexpr auto kPlayerRest = 50ms;
 
 /// Device and stream, closed in the right order.
-class Openni2Source final : public DepthSource {
+class Openni2Source final : public MakersSource {
  public:
   Openni2Source(const Api& api, bool is_file) : api_(api), is_file_(is_file) {}
   ~Openni2Source() override {
@@ -75,9 +74,6 @@ class Openni2Source final : public DepthSource {
     is_started_ = true;
     return Done{};
   }
-
-  const DepthStreamInfo& info() const override { return info_; }
-  void cancel() noexcept override { is_cancelled_ = true; }
 
   Result<bool> next(DepthFrame& frame) override {
     if (info_.num_frames && num_read_ == *info_.num_frames) return false;
@@ -152,15 +148,13 @@ class Openni2Source final : public DepthSource {
     const double begin = monotonic_now();
     while (!is_cancelled_) {
       int index = 0;
-      const int status =
+      const int got =
           caller().call([&] { return api_.wait(&stream_, 1, &index, kWaitMilliseconds); });
-      if (status == kOk) return true;
-      if (status != kTimeOut) {
+      if (got == kOk) return true;
+      if (got != kTimeOut) {
         return caller().call([&] { return failed("has been lost"); }).error();
       }
-      if (monotonic_now() - begin > kLongestSilence) {
-        return Error{Errc::unavailable, info_.name + " sends no frames; check its cable"};
-      }
+      if (const Status status = check_silence(begin); !status) return status.error();
     }
     return false;
   }
@@ -185,12 +179,10 @@ class Openni2Source final : public DepthSource {
   const bool is_file_;
   Device* device_ = nullptr;
   Stream* stream_ = nullptr;
-  DepthStreamInfo info_;
   VideoMode mode_{};
   std::array<int, 2> crop_{};
   int is_mirrored_ = 0, num_read_ = 0;
   bool is_started_ = false;
-  std::atomic<bool> is_cancelled_ = false;
 };
 
 /// Lists devices without files opened before: the library keeps them, even unplayable ones.
@@ -240,15 +232,10 @@ Result<RawStream> open_openni2_camera(const CameraUri& uri, const CameraOpening&
 }
 
 FoundCameras find_openni2_cameras() {
-  FoundCameras found{"openni2", "openni2[:NAME|FILE.oni]", false, "", "", {}, "", true};
   const Result<Api>& loaded = api();
-  if (!loaded) {
-    found.reason = loaded.error().message;
-    return found;
-  }
+  FoundCameras found = found_by(loaded);
+  if (!loaded) return found;
   const Version version = caller().call([&] { return loaded->version(); });
-  found.is_usable = true;
-  found.library = loaded->path;
   found.version = std::to_string(version.major) + "." + std::to_string(version.minor) + "." +
                   std::to_string(version.maintenance) + "." + std::to_string(version.build);
   for (const DeviceInfo& device : caller().call([&] { return list_devices(*loaded); })) {

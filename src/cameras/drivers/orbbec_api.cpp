@@ -10,10 +10,7 @@ namespace palpate { inline namespace v0 { namespace orbbec {
 namespace {
 
 std::vector<std::string> places() {
-  std::vector<std::string> candidates;
-  if (const std::string given = environment("ORBBEC_LIBRARY"); !given.empty()) {
-    candidates.push_back(given);
-  }
+  std::vector<std::string> candidates = given_by("ORBBEC_LIBRARY");
   for (const char* name : {"libOrbbecSDK.so.2", "libOrbbecSDK.so"}) candidates.emplace_back(name);
   for (std::string& file : files_of_python_package("pyorbbecsdk", "libOrbbecSDK.so")) {
     candidates.push_back(std::move(file));
@@ -75,10 +72,8 @@ Result<Api> load() {
   }
   Api api{};
   find_functions(*library, api);
-  if (!library->missing().empty()) {
-    return Error{Errc::unavailable, library->path() + " lacks " + listed(library->missing()) +
-                                        "; install version 2 of the Orbbec SDK"};
-  }
+  if (const Status status = library->check("; install version 2 of the Orbbec SDK"); !status)
+    return status.error();
   api.path = library->path();
   api.version_number = api.version();
   Failure* error = nullptr;

@@ -1,6 +1,5 @@
 // Orbbec cameras (Gemini, Femto, Astra 2) by version 2 of the Orbbec SDK.
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <functional>
 #include <memory>
@@ -43,7 +42,7 @@ Owned<Object> own(Object* object, void (*remove)(Kind*, Failure**)) {
   return Owned<Object>(object, [remove](Object* old) { remove(old, Check()); });
 }
 
-class OrbbecSource final : public DepthSource {
+class OrbbecSource final : public MakersSource {
  public:
   explicit OrbbecSource(const Api& api) : api_(api) {}
   ~OrbbecSource() override {
@@ -70,10 +69,6 @@ class OrbbecSource final : public DepthSource {
     return Done{};
   }
 
-  const DepthStreamInfo& info() const override { return info_; }
-  void cancel() noexcept override { is_cancelled_ = true; }
-  std::vector<std::string> take_notes() override { return notes_.take(); }
-
   Result<bool> next(DepthFrame& frame) override {
     const double begin = monotonic_now();
     while (!is_cancelled_) {
@@ -88,9 +83,7 @@ class OrbbecSource final : public DepthSource {
         if (!copied) return copied.error();
         return true;
       }
-      if (monotonic_now() - begin > kLongestSilence) {
-        return Error{Errc::unavailable, info_.name + " sends no frames; check its cable"};
-      }
+      if (const Status status = check_silence(begin); !status) return status.error();
     }
     return false;
   }
@@ -173,10 +166,7 @@ class OrbbecSource final : public DepthSource {
   const Api& api_;
   Owned<Device> device_;
   Owned<Pipeline> pipeline_;
-  DepthStreamInfo info_;
   bool is_started_ = false, has_unknown_lens_ = false;
-  RawNotes notes_;
-  std::atomic<bool> is_cancelled_ = false;
 };
 
 /// The cameras; `visit` is called with the list and the serial number and place of each.
@@ -221,14 +211,9 @@ Result<RawStream> open_orbbec_camera(const CameraUri& uri, const CameraOpening&)
 }
 
 FoundCameras find_orbbec_cameras() {
-  FoundCameras found{"orbbec", "orbbec[:SERIAL]", false, "", "", {}, "", true};
   const Result<Api>& loaded = api();
-  if (!loaded) {
-    found.reason = loaded.error().message;
-    return found;
-  }
-  found.is_usable = true;
-  found.library = loaded->path;
+  FoundCameras found = found_by(loaded);
+  if (!loaded) return found;
   found.version = dotted_version(loaded->version_number);
   std::vector<std::string> models;
   for_each_device(*loaded, [&](const DeviceList& list, const std::string& serial, std::uint32_t i) {

@@ -14,7 +14,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <bit>
 #include <chrono>
 #include <cmath>
@@ -22,6 +21,7 @@
 #include <utility>
 
 #include "src/cameras/camera_kinds.h"
+#include "src/cameras/stream/raw_frames.h"
 #include "src/cloud/internal/frame_limits.h"
 #include "src/core/internal/message_text.h"
 #include "src/core/internal/monotonic_clock.h"
@@ -54,10 +54,12 @@ class Descriptor {
   int number_;
 };
 
-class PipeSource final : public DepthSource {
+class PipeSource final : public MakersSource {
  public:
   PipeSource(Descriptor input, DepthStreamInfo info, bool is_fifo)
-      : input_(std::move(input)), info_(std::move(info)), may_be_early_(is_fifo) {}
+      : input_(std::move(input)), may_be_early_(is_fifo) {
+    info_ = std::move(info);
+  }
 
   /// Reads the first header, if there is one. A given unit overrules those of headers.
   Status begin(const CameraUri& given) {
@@ -86,9 +88,6 @@ class PipeSource final : public DepthSource {
     return Done{};
   }
   bool has_time_stamps() const { return has_time_stamps_; }
-
-  const DepthStreamInfo& info() const override { return info_; }
-  void cancel() noexcept override { is_cancelled_ = true; }
 
   Result<bool> next(DepthFrame& frame) override {
     if (has_header_ && num_ahead_ == 0) {
@@ -191,14 +190,12 @@ class PipeSource final : public DepthSource {
   }
 
   const Descriptor input_;
-  DepthStreamInfo info_;
   bool has_header_ = false, has_time_stamps_ = false, may_be_early_ = false;
   bool is_unit_given_ = false;
   char start_[kHeaderBytes] = {};
   std::size_t num_ahead_ = 0;  // bytes of start_ that belong to the next frame
   double stamp_ = 0, deadline_ = 0;
   std::uint64_t num_read_ = 0;
-  std::atomic<bool> is_cancelled_ = false;
 };
 
 struct Input {
@@ -265,14 +262,9 @@ Result<RawStream> open_pipe_camera(const CameraUri& uri, const CameraOpening& op
 }
 
 FoundCameras find_pipe_cameras() {
-  return {"pipe",
-          "pipe:[FILE|-]",
-          true,
-          "",
-          "",
-          {},
-          "raw 16-bit frames from the standard input, a named pipe, a file or a socket; with "
-          "?size=WIDTHxHEIGHT&intrinsics="};
+  return always_there(
+      "raw 16-bit frames from the standard input, a named pipe, a file or a socket; with "
+      "?size=WIDTHxHEIGHT&intrinsics=");
 }
 
 }}  // namespace palpate::v0

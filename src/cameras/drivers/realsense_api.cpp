@@ -11,10 +11,7 @@ namespace palpate { inline namespace v0 { namespace realsense {
 namespace {
 
 std::vector<std::string> places() {
-  std::vector<std::string> candidates;
-  if (const std::string given = environment("REALSENSE2_LIBRARY"); !given.empty()) {
-    candidates.push_back(given);
-  }
+  std::vector<std::string> candidates = given_by("REALSENSE2_LIBRARY");
   for (const char* name : {"librealsense2.so", "librealsense2.so.2"}) candidates.emplace_back(name);
   // The Python module has all functions of the library.
   for (std::string& file : files_of_python_package("pyrealsense2", "pyrealsense2.cpython")) {
@@ -81,10 +78,8 @@ Result<Api> load() {
   library->require("rs2_get_frame_timestamp", api.milliseconds);
   library->require("rs2_depth_frame_get_units", api.unit);
   library->require("rs2_get_frame_stream_profile", api.frame_profile);
-  if (!library->missing().empty()) {
-    return Error{Errc::unavailable, library->path() + " lacks " + listed(library->missing()) +
-                                        "; install a newer librealsense2"};
-  }
+  if (const Status status = library->check("; install a newer librealsense2"); !status)
+    return status.error();
   api.path = library->path();
   Failure* error = nullptr;
   api.version_number = api.version(&error);

@@ -1,6 +1,5 @@
 // RealSense cameras and their recordings (.db3, .bag) by librealsense2.
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <filesystem>
 #include <utility>
@@ -40,7 +39,7 @@ std::string info_of(const Api& api, const Device* device, int what) {
   return check.is_fine() && text != nullptr ? text : "";
 }
 
-class RealsenseSource final : public DepthSource {
+class RealsenseSource final : public MakersSource {
  public:
   /// Takes the device over.
   RealsenseSource(const Api& api, Device* device, std::string file)
@@ -87,10 +86,6 @@ class RealsenseSource final : public DepthSource {
     return Done{};
   }
 
-  const DepthStreamInfo& info() const override { return info_; }
-  void cancel() noexcept override { is_cancelled_ = true; }
-  std::vector<std::string> take_notes() override { return notes_.take(); }
-
   Result<bool> next(DepthFrame& frame) override {
     const double begin = monotonic_now();
     while (!is_cancelled_) {
@@ -106,9 +101,7 @@ class RealsenseSource final : public DepthSource {
         if (api_.playback_status(device_, Check(api_)) == kStopped) return false;
         continue;
       }
-      if (monotonic_now() - begin > kLongestSilence) {
-        return Error{Errc::unavailable, info_.name + " sends no frames; check its cable"};
-      }
+      if (const Status status = check_silence(begin); !status) return status.error();
     }
     return false;
   }
@@ -219,10 +212,7 @@ class RealsenseSource final : public DepthSource {
   ProfileList* profiles_ = nullptr;
   std::vector<ImageMode> all_modes_;
   Queue* queue_ = nullptr;
-  DepthStreamInfo info_;
   bool is_open_ = false, is_started_ = false, has_unknown_lens_ = false;
-  RawNotes notes_;
-  std::atomic<bool> is_cancelled_ = false;
 };
 
 /// The cameras; `keep` is called with each and says whether it takes the device over.
@@ -283,15 +273,9 @@ Result<RawStream> open_realsense_camera(const CameraUri& uri, const CameraOpenin
 }
 
 FoundCameras find_realsense_cameras() {
-  FoundCameras found{"realsense", "realsense[:SERIAL|FILE.db3|FILE.bag]", false, "", "", {}, "",
-                     true};
   const Result<Api>& loaded = api();
-  if (!loaded) {
-    found.reason = loaded.error().message;
-    return found;
-  }
-  found.is_usable = true;
-  found.library = loaded->path;
+  FoundCameras found = found_by(loaded);
+  if (!loaded) return found;
   found.version = dotted_version(loaded->version_number);
   std::vector<std::string> models;
   for_each_device(*loaded, [&](const Device* device) {

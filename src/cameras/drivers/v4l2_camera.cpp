@@ -2,7 +2,6 @@
 #include <linux/videodev2.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -104,7 +103,7 @@ class OpenDevice {
   const int id_;
 };
 
-class V4l2Source final : public DepthSource {
+class V4l2Source final : public MakersSource {
  public:
   V4l2Source(System& system, const std::string& file) : device_(system, file), file_(file) {}
   ~V4l2Source() override {
@@ -135,9 +134,6 @@ class V4l2Source final : public DepthSource {
     return Done{};
   }
 
-  const DepthStreamInfo& info() const override { return info_; }
-  void cancel() noexcept override { is_cancelled_ = true; }
-
   Result<bool> next(DepthFrame& frame) override {
     const double begin = monotonic_now();
     while (!is_cancelled_) {
@@ -147,9 +143,7 @@ class V4l2Source final : public DepthSource {
         const auto got = take(frame);
         if (!got || *got) return got;
       }
-      if (monotonic_now() - begin > kLongestSilence) {
-        return Error{Errc::unavailable, info_.name + " sends no frames; check its cable"};
-      }
+      if (const Status status = check_silence(begin); !status) return status.error();
     }
     return false;
   }
@@ -247,9 +241,7 @@ class V4l2Source final : public DepthSource {
   const std::string file_;
   std::vector<std::span<std::byte>> buffers_;
   std::size_t stride_ = 0;  // bytes
-  DepthStreamInfo info_;
   bool is_started_ = false;
-  std::atomic<bool> is_cancelled_ = false;
 };
 
 }  // namespace
@@ -280,16 +272,17 @@ Result<RawStream> open_camera(System& system, const CameraUri& uri) {
 }
 
 FoundCameras find_cameras(System& system) {
-  FoundCameras found{"v4l2", "v4l2[:/dev/videoN]?intrinsics=", true, "", "", {}, ""};
+  std::vector<std::string> devices;
   std::string names;
   for (const std::string& file : system.devices()) {
     const std::string name = OpenDevice(system, file).depth_camera();
     if (name.empty()) continue;
-    found.devices.push_back("v4l2:" + file);
+    devices.push_back("v4l2:" + file);
     names += (names.empty() ? "" : ", ") + name;
   }
-  found.reason =
-      names.empty() ? "no camera is plugged in whose depth the kernel gives (Z16)" : names;
+  FoundCameras found = always_there(
+      names.empty() ? "no camera is plugged in whose depth the kernel gives (Z16)" : names);
+  found.devices = std::move(devices);
   return found;
 }
 

@@ -336,15 +336,9 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
 }
 
 FoundCameras find_bag_cameras() {
-  return {"bag",
-          "bag:FILE.mcap|FILE.bag|FILE.db3|FOLDER[?topic=/T&info=/T&world=FRAME]",
-          true,
-          "",
-          "",
-          {},
-          "depth or clouds of ROS 2 and ROS 1 recordings, of RealSense cameras and of palpate "
-          "record, with "
-          "their camera_info; ?world=FRAME: the camera is where their tf says"};
+  return always_there(
+      "depth or clouds of ROS 2 and ROS 1 recordings, of RealSense cameras and of palpate record, "
+      "with their camera_info; ?world=FRAME: the camera is where their tf says");
 }
 
 }}  // namespace palpate::v0

@@ -304,14 +304,10 @@ Result<RawStream> open_ros2_camera(const CameraUri& uri, const CameraOpening& op
 }
 
 FoundCameras find_ros2_cameras() {
-  FoundCameras found{"ros2", "ros2:/TOPIC[?info=/TOPIC&qos=reliable]", false, "", "", {}, ""};
   const auto& api = dds::api();
-  if (!api) {
-    found.reason = api.error().message;
-    return found;
-  }
-  found.is_usable = true;
-  found.library = api->path;
+  FoundCameras found = found_by(api);
+  found.is_live = false;
+  if (!api) return found;
   found.version = api->version;
   // Users who have nothing to do with ROS are not joined to a network unasked.
   if (environment("ROS_DOMAIN_ID").empty() && environment("ROS_DISTRO").empty()) {

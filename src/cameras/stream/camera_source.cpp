@@ -7,7 +7,6 @@
 #include <optional>
 #include <set>
 #include <string>
-#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -241,13 +240,7 @@ class LiveSource final : public DepthSource {
   }
 
   Status start() {
-    try {
-      thread_ = std::thread([camera = camera_] { camera->run(); });
-    } catch (const std::system_error& error) {
-      return Error{Errc::unavailable, std::string("cannot start the thread that reads frames: ") +
-                                          error.what() + "; end other programs and try again"};
-    }
-    return Done{};
+    return start_thread(thread_, "that reads frames", [camera = camera_] { camera->run(); });
   }
 
   const DepthStreamInfo& info() const override { return info_; }

@@ -7,9 +7,15 @@
 #include <utility>
 
 #include "src/cameras/stream/rectifier.h"
+#include "src/core/internal/monotonic_clock.h"
 #include "src/io/internal/text_scanner.h"
 
 namespace palpate { inline namespace v0 {
+namespace {
+
+constexpr double kLongestSilence = 2;  // s without a frame, then a camera is lost
+
+}  // namespace
 
 std::optional<std::size_t> choose_mode(std::span<const ImageMode> modes, const CameraUri& uri,
                                        ImageSize usual) {
@@ -49,6 +55,11 @@ void scale_camera(ImageSize of, DepthStreamInfo& info) {
   if (of.width < 1 || of.height < 1 || of.width == info.width) return;
   const CameraTruth truth{info.intrinsics, {}, {}, of};
   info.intrinsics = truth.model_of(info, info.width, info.height).intrinsics;
+}
+
+Status MakersSource::check_silence(double begin) const {
+  if (monotonic_now() - begin <= kLongestSilence) return Done{};
+  return Error{Errc::unavailable, info_.name + " sends no frames; check its cable"};
 }
 
 std::optional<int> camera_number(const std::string& target) {

@@ -1,6 +1,7 @@
 // Parts that cameras of all makers share: choice of modes, copies of rows, times to wait.
 #pragma once
 
+#include <atomic>
 #include <mutex>
 #include <optional>
 #include <span>
@@ -15,7 +16,6 @@
 namespace palpate { inline namespace v0 {
 
 inline constexpr int kWaitMilliseconds = 100;  // period of the check for cancellation
-inline constexpr double kLongestSilence = 2;   // s without a frame, then a camera is lost
 
 struct ImageMode {
   int width = 0, height = 0;
@@ -50,6 +50,22 @@ class RawNotes {
   std::mutex mutex_;
   std::vector<std::string> notes_;
 };
+/// The parts that the sources of all makers share.
+class MakersSource : public DepthSource {
+ public:
+  const DepthStreamInfo& info() const final { return info_; }
+  void cancel() noexcept final { is_cancelled_ = true; }
+  std::vector<std::string> take_notes() final { return notes_.take(); }
+
+ protected:
+  /// Refuses to wait any longer for a frame that was expected at `begin` (monotonic_now).
+  Status check_silence(double begin) const;
+
+  DepthStreamInfo info_;
+  RawNotes notes_;
+  std::atomic<bool> is_cancelled_ = false;
+};
+
 /// Note on a lens whose distortion is of a model that is not removed.
 inline constexpr char kUnknownLens[] =
     "has a lens whose distortion is of a model that is not known here, such as the inverse "

@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "src/cloud/average/depth_average_options.h"
 #include "src/cloud/average/depth_estimate_kernel.h"
 #include "src/cloud/average/pixel_average.h"
 #include "src/core/internal/assert.h"
@@ -34,9 +33,6 @@ struct DepthAverager::Impl {
   EstimateBlock estimate_block = nullptr;
 
   float update(std::size_t pixel, std::uint16_t count, double unit);
-  std::size_t at_row(int v) const {
-    return static_cast<std::size_t>(v) * static_cast<std::size_t>(pass.stride);
-  }
 };
 
 float DepthAverager::Impl::update(std::size_t pixel, std::uint16_t count, double unit) {

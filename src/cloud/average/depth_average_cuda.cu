@@ -2,7 +2,6 @@
 
 #include <vector>
 
-#include "src/cloud/average/depth_average_options.h"
 #include "src/cloud/average/depth_estimate.h"
 #include "src/cloud/average/pixel_average.h"
 #include "src/cloud/internal/raw_frame_cuda.h"
@@ -15,7 +14,6 @@ namespace palpate { inline namespace v0 {
 struct DepthAverageJob {
   DepthAverageOptions options;
   RawFrameView raw;
-  int first_pixel = 0, end_pixel = 0;
   PixelAverage* averages = nullptr;
   std::uint16_t* rings = nullptr;  // measurement by measurement, each of all pixels
   std::ptrdiff_t num_pixels = 0;
@@ -39,8 +37,8 @@ constexpr int kThreads = 256;
 
 __global__ void __launch_bounds__(kThreads)
     update_averages(const __grid_constant__ DepthAverageJob job) {
-  const int i = job.first_pixel + gpu::grid_thread();
-  if (i >= job.end_pixel) return;
+  const int i = gpu::grid_thread();
+  if (i >= job.num_pixels) return;
   const double unit = *job.raw.unit;
   const std::uint16_t count = job.raw.pixels[i];
   if (job.options.kind == DepthAverage::none) {
@@ -215,14 +213,10 @@ DepthAveragerCuda::~DepthAveragerCuda() = default;
 std::span<std::uint16_t> DepthAveragerCuda::input() { return impl_->raw.pixels(); }
 void DepthAveragerCuda::set_unit(double unit) { impl_->raw.set_unit(unit); }
 
-void DepthAveragerCuda::enqueue(gpu::Stream& stream) { enqueue(stream, {0, impl_->height}); }
-
-void DepthAveragerCuda::enqueue(gpu::Stream& stream, ImageRows rows) {
+void DepthAveragerCuda::enqueue(gpu::Stream& stream) {
   Impl& d = *impl_;
-  if (rows.begin >= rows.end) return;
-  d.raw.enqueue_copy(stream, rows);
+  d.raw.enqueue_copy(stream, 0, d.height);
   if (d.job.options.kind == DepthAverage::kalman) {
-    PALPATE_ASSERT(rows.begin == 0 && rows.end == d.height);
     gpu::launch(stream,
                 {.blocks = d.num_blocks,
                  .threads = kEstimateThreads,
@@ -230,11 +224,8 @@ void DepthAveragerCuda::enqueue(gpu::Stream& stream, ImageRows rows) {
                 estimate_depth, d.estimate);
     return;
   }
-  DepthAverageJob job = d.job;
-  job.first_pixel = rows.begin * d.width;
-  job.end_pixel = rows.end * d.width;
-  const int blocks = (job.end_pixel - job.first_pixel + kThreads - 1) / kThreads;
-  gpu::launch(stream, {.blocks = blocks, .threads = kThreads}, update_averages, job);
+  const int blocks = static_cast<int>((d.job.num_pixels + kThreads - 1) / kThreads);
+  gpu::launch(stream, {.blocks = blocks, .threads = kThreads}, update_averages, d.job);
 }
 
 const float* DepthAveragerCuda::depth() const { return impl_->job.depth; }

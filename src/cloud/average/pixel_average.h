@@ -86,4 +86,7 @@ PALPATE_HOSTDEV inline float newest_depth(std::uint16_t count, double unit) {
   return count == 0 ? kNoAverage : depth_of(count, unit);
 }
 
+/// An error says what is out of range.
+Status check_average_settings(int width, int height, const DepthAverageOptions& options);
+
 }}  // namespace palpate::v0

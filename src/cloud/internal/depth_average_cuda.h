@@ -6,7 +6,6 @@
 #include <span>
 
 #include "palpate/cloud/depth_source.h"
-#include "src/cloud/surface/image_rows.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -30,10 +29,8 @@ class DepthAveragerCuda {
   std::span<std::uint16_t> input();
   void set_unit(double unit);
 
-  /// Takes the frame in `input` into the averages: all of it, or (but for `kalman`) some rows, of
-  /// which each is taken once, from the top down (SurfaceCuda::input_rows).
+  /// Takes the frame in `input` into the averages.
   void enqueue(gpu::Stream& stream);
-  void enqueue(gpu::Stream& stream, ImageRows rows);
 
   /// Meters on the GPU, NaN where there is no measurement; always the same array.
   const float* depth() const;

@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <span>
 
-#include "src/cloud/surface/image_rows.h"
 #include "src/gpu/internal/runtime.h"
 
 namespace palpate { inline namespace v0 {
@@ -31,10 +30,11 @@ class RawFrameCuda {
   }
   void set_unit(double unit) { *reinterpret_cast<double*>(host_) = unit; }
 
-  void enqueue_copy(gpu::Stream& stream, ImageRows rows) {
-    if (rows.begin == rows.end) return;
-    const std::size_t begin = rows.begin == 0 ? 0 : row_start(rows.begin);
-    stream.copy(device_ + begin, host_ + begin, row_start(rows.end) - begin);
+  /// Submits a copy of the rows [first, end), with the unit in front of the first one.
+  void enqueue_copy(gpu::Stream& stream, int first, int end) {
+    if (first == end) return;
+    const std::size_t begin = first == 0 ? 0 : row_start(first);
+    stream.copy(device_ + begin, host_ + begin, row_start(end) - begin);
   }
   /// Submits copies of the unit that was set, and of pixels that are on this GPU.
   void enqueue_copy_of(gpu::Stream& stream, const std::uint16_t* pixels) {

@@ -9,13 +9,17 @@
 
 #include "palpate/cloud/surface_estimator.h"
 #include "src/cloud/internal/tangent_plane.h"
-#include "src/cloud/surface/image_rows.h"
 
 namespace palpate { inline namespace v0 {
 
 namespace gpu {
 class Stream;
 }
+
+/// Rows [begin, end) of an image.
+struct ImageRows {
+  int begin = 0, end = 0;
+};
 
 /// Owns all buffers for one image size, and for as many images as a batch makes at once. Nothing
 /// waits or allocates after `create`, and all work may be recorded in a gpu::Graph: what changes
@@ -62,8 +66,6 @@ class SurfaceCuda {
   const TangentPlane* planes() const;
   /// Distance from one image's points to those of the next.
   std::ptrdiff_t points_apart() const;
-  /// Filtered depth in meters on the GPU, NaN where there is no measurement.
-  const float* depth() const;
   /// Statistics of the last frame that is done.
   SurfaceStats stats() const;
 

@@ -12,7 +12,6 @@
 #include "src/cloud/frames/far_pixels.cuh"
 #include "src/cloud/surface/adaptive/adaptive_cuda.h"
 #include "src/cloud/surface/surface_kernels.cuh"
-#include "src/cloud/surface/surface_options.h"
 #include "src/cloud/surface/surface_settings.h"
 #include "src/core/internal/assert.h"
 
@@ -225,7 +224,8 @@ ImageRows SurfaceCuda::input_rows(int part, int num_parts) const {
 }
 
 void SurfaceCuda::enqueue(gpu::Stream& stream, int part, int num_parts) {
-  impl_->raw.enqueue_copy(stream, input_rows(part, num_parts));
+  const ImageRows rows = input_rows(part, num_parts);
+  impl_->raw.enqueue_copy(stream, rows.begin, rows.end);
   enqueue_depth(stream, nullptr, part, num_parts);
 }
 
@@ -250,7 +250,6 @@ bool SurfaceCuda::learns_noise() const { return impl_->learns_noise; }
 std::ptrdiff_t SurfaceCuda::points_apart() const { return impl_->filter.tiling.points_apart; }
 PointCloudView SurfaceCuda::cloud() const { return impl_->cloud.view; }
 const TangentPlane* SurfaceCuda::planes() const { return impl_->planes; }
-const float* SurfaceCuda::depth() const { return impl_->filter.depth; }
 
 SurfaceStats SurfaceCuda::stats() const {
   const Impl& d = *impl_;

@@ -1,6 +1,6 @@
 #include "palpate/cloud/surface_estimator.h"
 
-#include "src/cloud/surface/surface_options.h"
+#include "src/cloud/surface/surface_settings.h"
 #include "src/cloud/surface/surface_stages.h"
 #include "src/core/internal/assert.h"
 #include "src/core/internal/stamp.h"

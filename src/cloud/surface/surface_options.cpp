@@ -1,4 +1,4 @@
-#include "src/cloud/surface/surface_options.h"
+#include "src/cloud/surface/surface_settings.h"
 
 #include "src/cloud/internal/lens_table.h"
 

@@ -8,6 +8,10 @@
 
 namespace palpate { inline namespace v0 {
 
+/// An error names the first setting that is out of range.
+Status check_surface_settings(int width, int height, const Intrinsics& intrinsics,
+                              const SurfaceOptions& options, const Distortion& distortion = {});
+
 /// (i - c) / f for i = 0 ... num - 1 and a margin of PaddedDepth::kMargin more.
 std::vector<float> ray_table(int num, double f, double c);
 

@@ -2,6 +2,8 @@
 // code for host and device, for single numbers and vectors of them.
 #pragma once
 
+#include <type_traits>
+
 #include "palpate/packing/packing.h"
 #include "src/contact/field/field_element.h"
 #include "src/contact/index/sphere_clusters.h"
@@ -32,32 +34,12 @@ PALPATE_FORMULA SolidGradient<Real>& first_of(SolidCurvature<Real>& sample) {
 
 /// The quadratic B-spline over three by three by three nodes at (s, t, w) in [-1/2, 1/2] spacings
 /// from the middle one; `read(j, k, nodes)` gives those of a row along x.
-template <class Real, class Read>
+template <class Real, class Read, class Sample>
 PALPATE_FORMULA void sample_spline(Real s, Real t, Real w, Real per_spacing, const Read& read,
-                                   SolidGradient<Real>& to) {
-  Curved<Real> by_y[3];
-  Real by_x[3];
-  for (int k = 0; k < 3; ++k) {
-    Curved<Real> row[3];
-    for (int j = 0; j < 3; ++j) {
-      Real nodes[3];
-      read(j, k, nodes);
-      row[j] = spline(nodes[0], nodes[1], nodes[2], s);
-    }
-    by_y[k] = spline(row[0].value, row[1].value, row[2].value, t);
-    by_x[k] = spline(row[0].slope, row[1].slope, row[2].slope, t).value;
-  }
-  const Curved<Real> z = spline(by_y[0].value, by_y[1].value, by_y[2].value, w);
-  to.phi = z.value;
-  to.n.x = spline(by_x[0], by_x[1], by_x[2], w).value * per_spacing;
-  to.n.y = spline(by_y[0].slope, by_y[1].slope, by_y[2].slope, w).value * per_spacing;
-  to.n.z = z.slope * per_spacing;
-}
-template <class Real, class Read>
-PALPATE_FORMULA void sample_spline(Real s, Real t, Real w, Real per_spacing, const Read& read,
-                                   SolidCurvature<Real>& to) {
+                                   Sample& to) {
+  constexpr bool kIsCurved = std::is_same_v<Sample, SolidCurvature<Real>>;
   Curved<Real> by_y[3], by_x[3];
-  Real by_xx[3];
+  [[maybe_unused]] Real by_xx[3];
   for (int k = 0; k < 3; ++k) {
     Curved<Real> row[3];
     for (int j = 0; j < 3; ++j) {
@@ -67,19 +49,21 @@ PALPATE_FORMULA void sample_spline(Real s, Real t, Real w, Real per_spacing, con
     }
     by_y[k] = spline(row[0].value, row[1].value, row[2].value, t);
     by_x[k] = spline(row[0].slope, row[1].slope, row[2].slope, t);
-    by_xx[k] = spline(row[0].bend, row[1].bend, row[2].bend, t).value;
+    if constexpr (kIsCurved) by_xx[k] = spline(row[0].bend, row[1].bend, row[2].bend, t).value;
   }
   const Curved<Real> z = spline(by_y[0].value, by_y[1].value, by_y[2].value, w);
   const Curved<Real> y = spline(by_y[0].slope, by_y[1].slope, by_y[2].slope, w);
   const Curved<Real> x = spline(by_x[0].value, by_x[1].value, by_x[2].value, w);
-  const Real squared = per_spacing * per_spacing;
-  to.first = {z.value, {x.value * per_spacing, y.value * per_spacing, z.slope * per_spacing}};
-  to.h.xx = spline(by_xx[0], by_xx[1], by_xx[2], w).value * squared;
-  to.h.xy = spline(by_x[0].slope, by_x[1].slope, by_x[2].slope, w).value * squared;
-  to.h.xz = x.slope * squared;
-  to.h.yy = spline(by_y[0].bend, by_y[1].bend, by_y[2].bend, w).value * squared;
-  to.h.yz = y.slope * squared;
-  to.h.zz = z.bend * squared;
+  first_of(to) = {z.value, {x.value * per_spacing, y.value * per_spacing, z.slope * per_spacing}};
+  if constexpr (kIsCurved) {
+    const Real squared = per_spacing * per_spacing;
+    to.h.xx = spline(by_xx[0], by_xx[1], by_xx[2], w).value * squared;
+    to.h.xy = spline(by_x[0].slope, by_x[1].slope, by_x[2].slope, w).value * squared;
+    to.h.xz = x.slope * squared;
+    to.h.yy = spline(by_y[0].bend, by_y[1].bend, by_y[2].bend, w).value * squared;
+    to.h.yz = y.slope * squared;
+    to.h.zz = z.bend * squared;
+  }
 }
 
 /// A SolidField in the memory of a query's device.

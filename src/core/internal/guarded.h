@@ -4,6 +4,9 @@
 #include <exception>
 #include <new>
 #include <string>
+#include <system_error>
+#include <thread>
+#include <utility>
 
 #include "palpate/core/core.h"
 
@@ -35,6 +38,18 @@ void guarded(const Work& work, const Fail& fail) noexcept {
     }
   } catch (...) {  // no memory for the error either
   }
+}
+
+/// Starts the thread "that reads frames" or whatever it is. Error: the system starts no thread.
+template <class Work>
+Status start_thread(std::thread& thread, const std::string& purpose, Work&& work) {
+  try {
+    thread = std::thread(std::forward<Work>(work));
+  } catch (const std::system_error& error) {
+    return Error{Errc::unavailable, "cannot start the thread " + purpose + ": " + error.what() +
+                                        "; end other programs and try again"};
+  }
+  return Done{};
 }
 
 /// Priority of a thread when processors are short; the haptic and the contact thread come first.

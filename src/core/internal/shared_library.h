@@ -37,8 +37,8 @@ class SharedLibrary {
   void find(const char* name, Function*& function) const {
     function = reinterpret_cast<Function*>(symbol(name));
   }
-  /// Required and not there.
-  const std::vector<std::string>& missing() const { return missing_; }
+  /// Refuses a library that lacks what was required. `remedy` ends the error: "; install ...".
+  Status check(const std::string& remedy) const;
 
  private:
   SharedLibrary(std::string path, void* handle) : path_(std::move(path)), handle_(handle) {}
@@ -58,6 +58,8 @@ std::string version_of_file(std::string_view path);
 
 /// The value of an environment variable; empty if it is not set.
 std::string environment(const char* variable);
+/// The same as a list; empty if it is not set.
+std::vector<std::string> given_by(const char* variable);
 
 /// "a, b, c".
 std::string listed(std::span<const std::string> names);

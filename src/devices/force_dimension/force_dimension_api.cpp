@@ -79,10 +79,8 @@ Result<ForceDimensionApi> load_force_dimension() {
                                           api.version + ", which is too old"};
     }
   }
-  if (!library.missing().empty()) {
-    return Error{Errc::unavailable, api.path + " lacks " + listed(library.missing()) +
-                                        ": it is not a whole Force Dimension SDK"};
-  }
+  if (const Status status = library.check(": it is not a whole Force Dimension SDK"); !status)
+    return status.error();
   return api;
 }
 

@@ -95,8 +95,6 @@ class ForceDimensionDevice final : public PolledDevice {
     returns_within(kClosePatience, [api = api_, id = id_] { api.drdClose(id); });
   }
 
-  const DeviceInfo& info() const override { return info_; }
-
   Status begin() override {
     num_silent_ = num_force_offs_ = 0;
     num_ticks_ = 0;
@@ -216,7 +214,6 @@ class ForceDimensionDevice final : public PolledDevice {
 
   ForceDimensionApi api_;
   char id_;
-  DeviceInfo info_;
   bool has_wrist_ = false;
   std::array<char, 160> said_{};
   MotorRamp ramp_;

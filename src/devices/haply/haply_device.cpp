@@ -72,12 +72,10 @@ class HaplyDevice final : public PolledDevice {
     text_.reserve(1024);
   }
 
-  const DeviceInfo& info() const override { return info_; }
   Status begin() override;
   bool read(DeviceState& state) noexcept override;
   bool write(const Wrench& F_H_B) noexcept override;
   void end() noexcept override;
-  Error trouble() const override { return trouble_; }
 
  private:
   bool send(std::optional<Vec3d> force, double timeout) noexcept;
@@ -89,7 +87,6 @@ class HaplyDevice final : public PolledDevice {
 
   HaplyAddress address_;
   HaplyInventory found_;
-  DeviceInfo info_;
   Vec3d middle_;  // of the workspace, in the service's frame
   HaplyRequest request_;
   std::optional<WebSocket> socket_, events_;
@@ -108,7 +105,6 @@ class HaplyDevice final : public PolledDevice {
        ignores_force_ = false;
   int num_unconfirmed_ = 0;
   MotorRamp ramp_;
-  Error trouble_;
 };
 
 Status HaplyDevice::begin() {

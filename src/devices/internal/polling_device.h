@@ -17,7 +17,7 @@ class PolledDevice {
  public:
   virtual ~PolledDevice() = default;
 
-  virtual const DeviceInfo& info() const = 0;
+  const DeviceInfo& info() const { return info_; }
   /// Before the first tick: motors on. Errors: the device does not answer, or what it reported.
   virtual Status begin() = 0;
   /// Fills `state`, which comes as it was at the last tick, but with the new time. Nothing usable
@@ -28,9 +28,13 @@ class PolledDevice {
   /// After the last tick, for whichever reason it was the last: motors off.
   virtual void end() noexcept = 0;
   /// Returns the reason why read or write returned false. From any thread, after that.
-  virtual Error trouble() const = 0;
+  virtual Error trouble() const { return trouble_; }
   /// Motors off while another call hangs in the driver, from a thread of its own. May hang as well.
   virtual void cut_force() noexcept {}
+
+ protected:
+  DeviceInfo info_;
+  Error trouble_;
 };
 
 /// Gives a polled device a thread that polls it `info().rate` times a second: read, tick, write.

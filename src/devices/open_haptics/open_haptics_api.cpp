@@ -59,10 +59,8 @@ Result<OpenHapticsApi> load_open_haptics() {
   PALPATE_REQUIRE(hdStartScheduler);
   PALPATE_REQUIRE(hdStopScheduler);
 #undef PALPATE_REQUIRE
-  if (!library.missing().empty()) {
-    return Error{Errc::unavailable, api.path + " lacks " + listed(library.missing()) +
-                                        ": it is not OpenHaptics' libHD"};
-  }
+  if (const Status status = library.check(": it is not OpenHaptics' libHD"); !status)
+    return status.error();
   return api;
 }
 

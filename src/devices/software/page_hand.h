@@ -27,12 +27,10 @@ class PageHand final : public PolledDevice {
 
   explicit PageHand(std::shared_ptr<PageHandle> handle);
 
-  const DeviceInfo& info() const override { return info_; }
   Status begin() override;
   bool read(DeviceState& state) noexcept override;
   bool write(const Wrench& F_H_B) noexcept override;
   void end() noexcept override {}
-  Error trouble() const override { return {}; }
 
  private:
   void take(const PageHandle::Update& news, const Pose& X_BH) noexcept;
@@ -40,7 +38,6 @@ class PageHand final : public PolledDevice {
   void yield_to_spring(DeviceState& state, double seconds) const noexcept;
 
   std::shared_ptr<PageHandle> handle_;
-  DeviceInfo info_;
   PageHandle::Update update_;
   Pose target_;           // X_BH
   Vec3d shift_;           // from the page's position to that of the handle

@@ -24,8 +24,6 @@ class Replay final : public PolledDevice {
     if (radius > 0) info_.limits.workspace_radius = radius;
   }
 
-  const DeviceInfo& info() const override { return info_; }
-
   Status begin() override {
     start_time_ = -1;
     return Done{};
@@ -55,7 +53,6 @@ class Replay final : public PolledDevice {
  private:
   std::string file_;
   std::vector<TimedPose> poses_;
-  DeviceInfo info_;
   double start_time_ = -1;
 };
 

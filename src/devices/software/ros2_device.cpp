@@ -42,8 +42,6 @@ class Ros2Tool final : public PolledDevice {
   }
   ~Ros2Tool() override { end(); }
 
-  const DeviceInfo& info() const override { return info_; }
-
   Status begin() override {
     end();
     auto node = RosNode::join();
@@ -79,7 +77,6 @@ class Ros2Tool final : public PolledDevice {
     num_poses_ = 0;
     tree_.clear();
   }
-  Error trouble() const override { return {}; }
 
  private:
   Status listen() {
@@ -173,7 +170,6 @@ class Ros2Tool final : public PolledDevice {
   }
 
   const Ros2ToolAddress address_;
-  DeviceInfo info_;
   std::shared_ptr<RosNode> node_;
   TfTree tree_;
   std::mutex mutex_;  // guards the members that subscriptions write

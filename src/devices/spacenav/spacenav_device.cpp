@@ -49,8 +49,6 @@ class Spacenav final : public PolledDevice {
     info_.num_buttons = 2;
   }
 
-  const DeviceInfo& info() const override { return info_; }
-
   Status begin() override {
     if (!connection_.is_open()) {
       auto connection = SpacenavConnection::open(path_);
@@ -109,7 +107,6 @@ class Spacenav final : public PolledDevice {
 
   std::string path_;
   SpacenavConnection connection_;
-  DeviceInfo info_;
   double last_time_ = 0, last_event_time_ = 0;
   SpacenavConnection::Answer answer_ = SpacenavConnection::Answer::nothing_yet;
 };

@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdint>
-#include <system_error>
 #include <utility>
 
 #include "src/core/internal/guarded.h"
@@ -45,13 +44,7 @@ Status PeriodicThread::start(double rate, Round round, std::function<void()> fin
     shared->running.store({});
     shared->has_ended.store(true, std::memory_order_release);
   };
-  try {
-    thread_ = std::thread(std::move(run));
-  } catch (const std::system_error& error) {
-    return Error{Errc::unavailable, std::string("cannot start the device's thread: ") +
-                                        error.what() + "; end other programs and try again"};
-  }
-  return Done{};
+  return start_thread(thread_, "of the device", std::move(run));
 }
 
 /// Returns false if there is nothing to wait for.

@@ -9,6 +9,7 @@
 
 #include "src/core/internal/monotonic_clock.h"
 #include "src/io/internal/base64.h"
+#include "src/io/internal/hashes.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -3,7 +3,6 @@
 // message of a haptic tick is one system call.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -12,10 +11,6 @@
 #include "src/devices/transport/web_socket_frames.h"
 
 namespace palpate { inline namespace v0 {
-
-/// Returns the SHA-1 (FIPS 180-4) of a text, as the opening of a WebSocket requires it. Nothing
-/// here is a secret: SHA-1 is no protection any more.
-std::array<std::uint8_t, 20> sha1(std::string_view text);
 
 /// Returns the body of the answer to GET `path`, if its status is 200 and it comes within `timeout`
 /// seconds. At most 64 KiB.

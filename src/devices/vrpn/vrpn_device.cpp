@@ -132,12 +132,10 @@ class VrpnDevice final : public PolledDevice {
     info_.num_buttons = 4;
   }
 
-  const DeviceInfo& info() const override { return info_; }
   Status begin() override;
   bool read(DeviceState& state) noexcept override;
   bool write(const Wrench& F_H_B) noexcept override;
   void end() noexcept override;
-  Error trouble() const override { return trouble_; }
 
  private:
   bool take(const VrpnMessage& message, VrpnKind kind, double time) noexcept;
@@ -146,7 +144,6 @@ class VrpnDevice final : public PolledDevice {
   bool give_up(std::string_view why) noexcept;
 
   VrpnAddress address_;
-  DeviceInfo info_;
   std::optional<VrpnConnection> connection_;
   Pose X_BH_;
   Twist V_BH_;
@@ -158,7 +155,6 @@ class VrpnDevice final : public PolledDevice {
   Vec3d difference_;          // velocity from positions
   Vec3d reported_;            // velocity by the server
   double sum_difference_ = 0, sum_reported_ = 0;
-  Error trouble_;
 };
 
 Status VrpnDevice::begin() {

@@ -71,10 +71,7 @@ T exchange(unsigned mask, T value, int from_lane) {
 
 inline void __syncthreads() { palpate::emulator::block_barrier(); }
 inline void __syncwarp(unsigned mask = 0xffffffffu) { palpate::emulator::warp_barrier(mask); }
-inline void __threadfence() {}
 inline void __threadfence_system() {}
-inline void __threadfence_block() {}
-inline void __nanosleep(unsigned) { palpate::emulator::yield(); }
 
 template <class T>
 T __shfl_sync(unsigned mask, T value, int from) {
@@ -88,11 +85,6 @@ template <class T>
 T __shfl_up_sync(unsigned mask, T value, unsigned step) {
   const int lane = palpate::emulator::lane(), from = lane - static_cast<int>(step);
   return palpate::emulator::exchange(mask, value, from < 0 ? lane : from);
-}
-template <class T>
-T __shfl_down_sync(unsigned mask, T value, unsigned step) {
-  const int lane = palpate::emulator::lane(), from = lane + static_cast<int>(step);
-  return palpate::emulator::exchange(mask, value, from > 31 ? lane : from);
 }
 inline unsigned __ballot_sync(unsigned mask, int predicate) {
   const int mine = predicate != 0;
@@ -114,13 +106,8 @@ inline int __all_sync(unsigned mask, int predicate) {
 }
 
 inline int __popc(unsigned v) { return __builtin_popcount(v); }
-inline int __popcll(unsigned long long v) { return __builtin_popcountll(v); }
 inline int __ffs(int v) { return __builtin_ffs(v); }
 inline int __clz(int v) { return v == 0 ? 32 : __builtin_clz(static_cast<unsigned>(v)); }
-template <class T>
-T __ldg(const T* p) {
-  return *p;
-}
 inline float __frcp_rn(float a) { return 1.0f / a; }
 inline int __float2int_rn(float v) { return static_cast<int>(std::nearbyint(v)); }
 inline float __int_as_float(int v) {

@@ -118,21 +118,4 @@ __device__ inline T warp_sum(T value) {
   return value;
 }
 
-/// Sums over the block of each of `num` values, left in values[] of thread 0 alone; always in the
-/// same order. `shared` holds num values of each warp; all threads call.
-template <class T>
-__device__ inline void block_sum(T* values, int num, T* shared) {
-  for (int i = 0; i < num; ++i) values[i] = warp_sum(values[i]);
-  if (lane_id() == 0) {
-    for (int i = 0; i < num; ++i) shared[warp_id() * num + i] = values[i];
-  }
-  __syncthreads();
-  if (threadIdx.x == 0) {
-    for (int i = 0; i < num; ++i) {
-      for (int warp = 1; warp < warps_per_block(); ++warp) values[i] += shared[warp * num + i];
-    }
-  }
-  __syncthreads();
-}
-
 }}}  // namespace palpate::v0::gpu

@@ -58,8 +58,8 @@ Result<Sqlite> load() {
   library->require("sqlite3_errmsg", sqlite.message);
   library->require("sqlite3_limit", sqlite.limit);
   library->require("sqlite3_progress_handler", sqlite.on_progress);
-  if (library->missing().empty()) return sqlite;
-  return Error{Errc::unavailable, library->path() + " lacks " + listed(library->missing())};
+  if (const Status status = library->check(""); !status) return status.error();
+  return sqlite;
 }
 
 constexpr const char* kShared = "its rows have more bytes than the file";

@@ -76,8 +76,8 @@ Result<Lz4> load_lz4() {
   found->require("LZ4F_freeDecompressionContext", lz4.free);
   found->require("LZ4F_decompress", lz4.decompress);
   found->require("LZ4F_isError", lz4.is_error);
-  if (found->missing().empty()) return lz4;
-  return Error{Errc::unavailable, found->path() + " lacks " + listed(found->missing())};
+  if (const Status status = found->check(""); !status) return status.error();
+  return lz4;
 }
 
 // bzlib.h
@@ -105,8 +105,8 @@ Result<Bzip2> load_bzip2() {
   found->require("BZ2_bzDecompressInit", bzip2.begin);
   found->require("BZ2_bzDecompress", bzip2.decompress);
   found->require("BZ2_bzDecompressEnd", bzip2.end);
-  if (found->missing().empty()) return bzip2;
-  return Error{Errc::unavailable, found->path() + " lacks " + listed(found->missing())};
+  if (const Status status = found->check(""); !status) return status.error();
+  return bzip2;
 }
 
 }  // namespace

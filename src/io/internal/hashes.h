@@ -1,12 +1,17 @@
 // Digests of contents.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <string>
 #include <string_view>
 
 namespace palpate { inline namespace v0 {
+
+/// Returns the SHA-1 (FIPS 180-4) of a text, as the opening of a WebSocket requires it. Nothing
+/// there is a secret: SHA-1 is no protection any more.
+std::array<std::uint8_t, 20> sha1(std::string_view text);
 
 /// Returns the SHA-256 (FIPS 180-4) of bytes as 64 hexadecimal digits: ROS 2 names message types by
 /// it, and it tells whether files have changed.

@@ -63,17 +63,4 @@ PALPATE_HOSTDEV TwoPlaneCut<Real> two_plane_cut(Real radius, Real distance_a, Re
   return {volume > Real(0) ? volume : Real(0), area_a, area_b};
 }
 
-/// Behind plane a *or* behind plane b: a concave corner.
-template <class Real>
-PALPATE_HOSTDEV TwoPlaneCut<Real> two_plane_union(Real radius, Real distance_a, Real distance_b,
-                                                  Real cosine) {
-  const auto disc = [&](Real d) {
-    const Real squared = radius * radius - d * d;
-    return squared > Real(0) ? Real(kPi) * squared : Real(0);
-  };
-  const TwoPlaneCut<Real> common = two_plane_cut(radius, distance_a, distance_b, cosine);
-  return {cap_volume(radius, distance_a) + cap_volume(radius, distance_b) - common.volume,
-          disc(distance_a) - common.area_a, disc(distance_b) - common.area_b};
-}
-
 }}  // namespace palpate::v0

@@ -1,14 +1,49 @@
-#include "src/io/internal/hashes.h"
-
 #include <array>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
 
+#include "src/io/internal/hashes.h"
+
 namespace palpate { inline namespace v0 {
 namespace {
 
-using State = std::array<std::uint32_t, 8>;
+using State1 = std::array<std::uint32_t, 5>;
+using State256 = std::array<std::uint32_t, 8>;
+
+/// The big-endian words of a block, and room for those that are made of them.
+template <std::size_t n>
+std::array<std::uint32_t, n> words_of(const std::uint8_t* block) {
+  std::array<std::uint32_t, n> w;
+  for (std::size_t i = 0; i < 16; ++i) {
+    w[i] = std::uint32_t(block[4 * i]) << 24 | std::uint32_t(block[4 * i + 1]) << 16 |
+           std::uint32_t(block[4 * i + 2]) << 8 | std::uint32_t(block[4 * i + 3]);
+  }
+  return w;
+}
+
+void add_block(State1& state, const std::uint8_t* block) {
+  auto w = words_of<80>(block);
+  for (std::size_t i = 16; i < 80; ++i)
+    w[i] = std::rotl(w[i - 3] ^ w[i - 8] ^ w[i - 14] ^ w[i - 16], 1);
+
+  auto [a, b, c, d, e] = state;
+  for (std::size_t i = 0; i < 80; ++i) {
+    std::uint32_t f, k;
+    if (i < 20) {
+      f = (b & c) | (~b & d), k = 0x5A827999;
+    } else if (i < 40) {
+      f = b ^ c ^ d, k = 0x6ED9EBA1;
+    } else if (i < 60) {
+      f = (b & c) | (b & d) | (c & d), k = 0x8F1BBCDC;
+    } else {
+      f = b ^ c ^ d, k = 0xCA62C1D6;
+    }
+    const std::uint32_t next = std::rotl(a, 5) + f + e + k + w[i];
+    e = d, d = c, c = std::rotl(b, 30), b = a, a = next;
+  }
+  state[0] += a, state[1] += b, state[2] += c, state[3] += d, state[4] += e;
+}
 
 /// The first 32 bits of the fractional parts of the cube roots of the first 64 primes.
 constexpr std::array<std::uint32_t, 64> kRound = {
@@ -21,12 +56,8 @@ constexpr std::array<std::uint32_t, 64> kRound = {
     0x19a4c116, 0x1e376c08, 0x2748774c, 0x34b0bcb5, 0x391c0cb3, 0x4ed8aa4a, 0x5b9cca4f, 0x682e6ff3,
     0x748f82ee, 0x78a5636f, 0x84c87814, 0x8cc70208, 0x90befffa, 0xa4506ceb, 0xbef9a3f7, 0xc67178f2};
 
-void add_block(State& state, const std::uint8_t* block) {
-  std::array<std::uint32_t, 64> w;
-  for (std::size_t i = 0; i < 16; ++i) {
-    w[i] = std::uint32_t(block[4 * i]) << 24 | std::uint32_t(block[4 * i + 1]) << 16 |
-           std::uint32_t(block[4 * i + 2]) << 8 | std::uint32_t(block[4 * i + 3]);
-  }
+void add_block(State256& state, const std::uint8_t* block) {
+  auto w = words_of<64>(block);
   for (std::size_t i = 16; i < 64; ++i) {
     const std::uint32_t before = w[i - 15], late = w[i - 2];
     w[i] = w[i - 16] + w[i - 7] + (std::rotr(before, 7) ^ std::rotr(before, 18) ^ before >> 3) +
@@ -40,26 +71,39 @@ void add_block(State& state, const std::uint8_t* block) {
         (std::rotr(a, 2) ^ std::rotr(a, 13) ^ std::rotr(a, 22)) + ((a & b) ^ (a & c) ^ (b & c));
     h = g, g = f, f = e, e = d + one, d = c, c = b, b = a, a = one + two;
   }
-  const State added{a, b, c, d, e, f, g, h};
+  const State256 added{a, b, c, d, e, f, g, h};
   for (std::size_t i = 0; i < 8; ++i) state[i] += added[i];
 }
 
-}  // namespace
-
-std::string sha256(std::string_view text) {
-  // The text, a one bit, zeros, and the number of bits as the last eight bytes of a block.
+/// Adds all blocks: the text, a one bit, zeros, and the number of bits as the last eight bytes.
+template <class State>
+State digest(State state, std::string_view text) {
   std::string padded(text);
   padded.push_back('\x80');
   while (padded.size() % 64 != 56) padded.push_back('\0');
   const std::uint64_t num_bits = 8 * std::uint64_t(text.size());
   for (int shift = 56; shift >= 0; shift -= 8)
     padded.push_back(static_cast<char>(num_bits >> shift));
-
-  State state = {0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a,
-                 0x510e527f, 0x9b05688c, 0x1f83d9ab, 0x5be0cd19};
   for (std::size_t i = 0; i < padded.size(); i += 64)
     add_block(state, reinterpret_cast<const std::uint8_t*>(padded.data()) + i);
+  return state;
+}
 
+}  // namespace
+
+std::array<std::uint8_t, 20> sha1(std::string_view text) {
+  const State1 state =
+      digest(State1{0x67452301, 0xEFCDAB89, 0x98BADCFE, 0x10325476, 0xC3D2E1F0}, text);
+  std::array<std::uint8_t, 20> bytes;
+  for (std::size_t i = 0; i < 20; ++i)
+    bytes[i] = static_cast<std::uint8_t>(state[i / 4] >> (24 - 8 * (i % 4)));
+  return bytes;
+}
+
+std::string sha256(std::string_view text) {
+  const State256 state = digest(State256{0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a, 0x510e527f,
+                                         0x9b05688c, 0x1f83d9ab, 0x5be0cd19},
+                                text);
   std::string digits;
   for (const std::uint32_t word : state) {
     for (int shift = 28; shift >= 0; shift -= 4) digits += "0123456789abcdef"[word >> shift & 15];
