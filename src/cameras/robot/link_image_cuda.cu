@@ -311,7 +311,7 @@ class LinksOnGpuCuda final : public LinksOnGpu {
       return LinkPose{rotation_matrix(at.rotation), at.translation};
     });
     ++job_.frame;
-    raw_.enqueue_copy(stream_, {0, job_.height});
+    raw_.enqueue_copy(stream_, 0, job_.height);
     stream_.copy(poses_on_gpu_, poses_, sizeof(LinkPose) * num_links_);
     gpu::launch(stream_,
                 {.blocks = num_blocks_,
