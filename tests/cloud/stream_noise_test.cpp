@@ -37,8 +37,9 @@ class Normals {
   std::vector<double> table_ = std::vector<double>(4 * kWide * kHigh);
 };
 
-/// A wall at z (m) with white noise of its own, and one that all pixels share (m).
-DepthFrame wall(Random& random, double z, double own, double shared) {
+/// A wall at z (m) with white noise of its own, and one that all pixels share (m). A share of its
+/// pixels has no measurement.
+DepthFrame wall(Random& random, double z, double own, double shared, double holes) {
   DepthFrame frame;
   frame.width = kWide;
   frame.height = kHigh;
@@ -47,7 +48,9 @@ DepthFrame wall(Random& random, double z, double own, double shared) {
   const double* const run = normals.run(random);
   const double all = z + shared * normal(random);
   for (int i = 0; i < kWide * kHigh; ++i) {
-    frame.pixels.push_back(static_cast<std::uint16_t>((all + own * run[i]) / kUnit));
+    const bool is_hole = holes > 0 && random.uniform(0, 1) < holes;
+    frame.pixels.push_back(
+        is_hole ? 0 : static_cast<std::uint16_t>((all + own * run[i]) / kUnit));
   }
   return frame;
 }
@@ -65,25 +68,52 @@ double variance_of(const FrameNoise& noise, int level, double z) {
   return sum;
 }
 
-FrameNoise learn(double step, double own, double shared, int num_frames, bool is_averaged = false) {
+FrameNoise learn(double step, double own, double shared, int num_frames, bool is_averaged = false,
+                 double holes = 0, const MeasurementNoise& shown = {0.0005, 0.001, 0}) {
   Random random(7);
   StreamNoise stream(kWide, kHigh);
-  const FrameNoise seen = frame_noise({0.0005, 0.001, 0});
+  const FrameNoise seen = frame_noise(shown);
   for (int i = 0; i < num_frames; ++i) {
-    const DepthFrame frame = wall(random, 0.5 + step * i, own, shared);
+    const DepthFrame frame = wall(random, 0.5 + step * i, own, shared, holes);
     stream.add(frame, seen);
   }
   return stream.of_frame(seen, is_averaged);
 }
 
-TEST(StreamNoise, IsThatOfTheFramesAtEveryScale) {
-  constexpr double own = 0.002, shared = 0.0008;
-  const FrameNoise noise = learn(0, own, shared, 200);
+void expect_noise(const FrameNoise& noise, double own, double shared) {
   ASSERT_TRUE(noise.is_whole);
   for (int level = 0; level < kNumNoiseLevels; ++level) {
     const double want = own * own / (1 << 2 * level) + shared * shared;
     EXPECT_NEAR(std::sqrt(variance_of(noise, level, 0.5) / want), 1, 0.25) << level;
   }
+}
+
+TEST(StreamNoise, IsThatOfTheFramesAtEveryScale) {
+  constexpr double own = 0.002, shared = 0.0008;
+  expect_noise(learn(0, own, shared, 200), own, shared);
+}
+
+// Few squares of 64 pixels of a real frame are measured all over.
+TEST(StreamNoise, IsThatOfTheFramesBesideHoles) {
+  constexpr double own = 0.002, shared = 0.0008, holes = 0.1;
+  expect_noise(learn(0, own, shared, 200, false, holes), own, shared);
+}
+
+// Noise that neighbors share shows little in the details of one frame.
+TEST(StreamNoise, MayBeFarAboveWhatOneFrameShows) {
+  constexpr double own = 0.002, shared = 0.0008;
+  expect_noise(learn(0, own, shared, 200, false, 0, {0.00002, 0.00004, 0}), own, shared);
+}
+
+// A camera that stops, as most do before they rest.
+TEST(StreamNoise, IsThatOfTheFramesAfterAStop) {
+  constexpr double own = 0.001, shared = 0.0008;
+  Random random(7);
+  StreamNoise stream(kWide, kHigh);
+  const FrameNoise seen = frame_noise({0.0005, 0.001, 0});
+  for (const double z : {0.52, 0.515, 0.51, 0.505}) stream.add(wall(random, z, own, shared, 0), seen);
+  for (int i = 0; i < 60; ++i) stream.add(wall(random, 0.5, own, shared, 0), seen);
+  expect_noise(stream.of_frame(seen, false), own, shared);
 }
 
 TEST(StreamNoise, OfIndependentPixelsFallsWithTheirNumber) {
