@@ -80,6 +80,39 @@ class Rings {
   float sum_ = 0, num_ = 0;
 };
 
+/// Variance of the mean over a square of 2^k pixels by the white noise of the cells of a scale, of
+/// unit variance. Queries make it a B-spline (place_scales in src/contact/noise/noise_model.h),
+/// whose mean over squares of about its own cells is calmer; pixels remain what they are.
+double seen_in(int k, int scale) {
+  if (scale == 0) return std::ldexp(1, -2 * k);
+  constexpr double of_spline[2 * kNumNoiseLevels - 1] = {0.7561,  0.7555,  0.7532, 0.7442, 0.7100,
+                                                         0.5988,  0.3692,  0.1548, 0.0495, 0.0139,
+                                                         0.00367, 0.00094, 0.00024};
+  return of_spline[k - scale + kNumNoiseLevels - 1];
+}
+
+/// Moves noise between the cells of the scales until the means over squares have these variances:
+/// each scale grows by what the squares that see it have too little. What fits stays, as white
+/// noise does.
+void fit_cells(const double (&variance)[kNumNoiseLevels], double (&cells)[kNumNoiseLevels]) {
+  constexpr int num_steps = 10;
+  for (int step = 0; step < num_steps; ++step) {
+    double by_told[kNumNoiseLevels] = {}, by_known[kNumNoiseLevels] = {};
+    for (int k = 0; k < kNumNoiseLevels; ++k) {
+      double told = 0;
+      for (int scale = 0; scale < kNumNoiseLevels; ++scale)
+        told += seen_in(k, scale) * cells[scale];
+      for (int scale = 0; scale < kNumNoiseLevels; ++scale) {
+        by_told[scale] += seen_in(k, scale) / told;
+        by_known[scale] += seen_in(k, scale) / variance[k];
+      }
+    }
+    for (int scale = 0; scale < kNumNoiseLevels; ++scale) {
+      cells[scale] *= by_told[scale] / by_known[scale];
+    }
+  }
+}
+
 }  // namespace
 
 StreamNoise::StreamNoise(int width, int height)
@@ -101,13 +134,13 @@ void StreamNoise::add(const DepthImageView& frame, const FrameNoise& seen) {
       const float step = rings.next_step(), turned = -step * *last;
       *last = step;
       if (std::isnan(turned)) continue;
-      // Noise that turns back by more than that, or goes on, is rare: something appears or moves.
-      constexpr double most = 25, least = -4;
+      // Noise hardly ever goes on by more than that: something moves. Its steps are large, and few
+      // of them would hide the noise of many others.
+      constexpr double least = -4;
       Scale& scale = scales_[k];
       const double own = scale.num > 0 ? scale.turned / scale.num : 0;
-      scale.turned += std::clamp(static_cast<double>(turned),
-                                 least * std::max(own, std::ldexp(1, -2 * k)),
-                                 most * std::max(own, 1.0));
+      scale.turned +=
+          std::max(static_cast<double>(turned), least * std::max(own, std::ldexp(1, -2 * k)));
       scale.num += 1;
     }
   }
@@ -129,22 +162,26 @@ FrameNoise StreamNoise::of_frame(const FrameNoise& seen, bool is_averaged) const
     const double most = k > 1 ? before - 0.25 * (variance[k - 2] - before) : before;
     variance[k] = k == 0 ? std::max(own, 0.0) : std::clamp(own, before / 4, most);
   }
+  if (!(variance[0] > 0)) return seen;
   constexpr double of_white = 0.75;  // what a mean of four loses
-  const auto detail = [&](int k) {
+  double cells[kNumNoiseLevels], size = 1, fine_details = 0, detail = 0;
+  for (int k = 0; k < kNumNoiseLevels; ++k) {
     const bool is_last = k + 1 == kNumNoiseLevels;  // which stands for all wider ones
-    return kDetailShare * (is_last ? variance[k] : (variance[k] - variance[k + 1]) / of_white);
-  };
-  double size = 1;
-  if (is_averaged) {
-    size = 0;
-    for (int k = 0; k < kNumFine; ++k) size += detail(k);
+    const double wider = 0.25 * detail;
+    detail = is_last ? variance[k] : (variance[k] - variance[k + 1]) / of_white;
+    cells[k] = detail - wider;
+    if (k < kNumFine) fine_details += kDetailShare * detail;
   }
-  if (!(size > 0) || !(variance[0] > 0)) return seen;
+  if (is_averaged) size = fine_details;
+  if (!(size > 0)) return seen;
+  fit_cells(variance, cells);
   const FineNoise fine(seen);
   FrameNoise result;
   result.is_whole = true;
+  detail = 0;
   for (int k = 0; k < kNumNoiseLevels; ++k) {
-    const auto share = static_cast<float>(std::sqrt(detail(k) / size));
+    detail = cells[k] + 0.25 * detail;
+    const auto share = static_cast<float>(std::sqrt(kDetailShare * detail / size));
     result.base[k] = share * fine.base;
     result.growth[k] = share * fine.growth;
   }
