@@ -54,7 +54,7 @@ DepthFrame wall(Random& random, double z, double own, double shared, double hole
   return frame;
 }
 
-/// Integral of a quadratic B-spline of nodes 1 apart, up to t from its own.
+/// Returns the integral of a quadratic B-spline of nodes 1 apart, up to t from its own.
 double spline_up_to(double t) {
   if (t < 0) return 1 - spline_up_to(-t);
   if (t < 0.5) return 0.5 + 0.75 * t - t * t * t / 3;

@@ -12,7 +12,7 @@ namespace {
 constexpr int kBlock = 1 << (kNumNoiseLevels - 1);  // side, pixels
 constexpr int kNumFine = 4;                         // scales whose details surfaces show well
 constexpr float kSameSurface = 0.05f;               // of the depth, from frame to frame
-constexpr float kMostly = 0.75f;                    // share of a square's pixels that must be known
+constexpr float kMinKnown = 0.75f;                  // share of a square's pixels that must be known
 constexpr double kMemory = 0.99;                    // share of what is known that a frame leaves
 constexpr double kEnough = 100;                     // terms from which a scale is known
 
@@ -35,7 +35,8 @@ struct FineNoise {
   float base = 0, growth = 0;
 };
 
-/// Steps of nested squares about the middle of a block, as shares of the deviation of what is seen.
+/// Sums the steps of nested squares about the middle of a block, as shares of the deviation of what
+/// is seen.
 class Rings {
  public:
   /// `before`: the pixels of the block in the last frame, which become those of this one.
@@ -57,7 +58,7 @@ class Rings {
     }
     const auto all = static_cast<float>(side_ * side_);
     side_ *= 2;
-    return num_ >= kMostly * all ? sum_ / num_ : std::numeric_limits<float>::quiet_NaN();
+    return num_ >= kMinKnown * all ? sum_ / num_ : std::numeric_limits<float>::quiet_NaN();
   }
 
  private:
@@ -80,9 +81,10 @@ class Rings {
   float sum_ = 0, num_ = 0;
 };
 
-/// Variance of the mean over a square of 2^k pixels by the white noise of the cells of a scale, of
-/// unit variance. Queries make it a B-spline (place_scales in src/contact/noise/noise_model.h),
-/// whose mean over squares of about its own cells is calmer; pixels remain what they are.
+/// Returns the variance of the mean over a square of 2^k pixels by the white noise of the cells of
+/// a scale, of unit variance. Queries make it a B-spline (place_scales in
+/// src/contact/noise/noise_model.h), whose mean over squares of about its own cells is calmer;
+/// pixels remain what they are.
 double seen_in(int k, int scale) {
   if (scale == 0) return std::ldexp(1, -2 * k);
   constexpr double of_spline[2 * kNumNoiseLevels - 1] = {0.7561,  0.7555,  0.7532, 0.7442, 0.7100,
@@ -99,11 +101,11 @@ void fit_cells(const double (&variance)[kNumNoiseLevels], double (&cells)[kNumNo
   for (int step = 0; step < num_steps; ++step) {
     double by_told[kNumNoiseLevels] = {}, by_known[kNumNoiseLevels] = {};
     for (int k = 0; k < kNumNoiseLevels; ++k) {
-      double told = 0;
+      double reported = 0;
       for (int scale = 0; scale < kNumNoiseLevels; ++scale)
-        told += seen_in(k, scale) * cells[scale];
+        reported += seen_in(k, scale) * cells[scale];
       for (int scale = 0; scale < kNumNoiseLevels; ++scale) {
-        by_told[scale] += seen_in(k, scale) / told;
+        by_told[scale] += seen_in(k, scale) / reported;
         by_known[scale] += seen_in(k, scale) / variance[k];
       }
     }
