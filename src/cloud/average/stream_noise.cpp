@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "src/cloud/frames/raw_depth.h"
 
@@ -10,7 +11,8 @@ namespace {
 
 constexpr int kBlock = 1 << (kNumNoiseLevels - 1);  // side, pixels
 constexpr int kNumFine = 4;                         // scales whose details surfaces show well
-constexpr float kSameSurface = 0.05f;               // of the depth
+constexpr float kSameSurface = 0.05f;               // of the depth, from frame to frame
+constexpr float kMinKnown = 0.75f;                  // share of a square's pixels that must be known
 constexpr double kMemory = 0.99;                    // share of what is known that a frame leaves
 constexpr double kEnough = 100;                     // terms from which a scale is known
 
@@ -20,40 +22,6 @@ float depth_at(const DepthImageView& frame, int pixel) {
   return z > 0 && std::isfinite(z) ? z : 0;
 }
 
-/// Sums how far pixels of nested squares about the middle of a block are from its depth.
-class Rings {
- public:
-  Rings(const DepthImageView& frame, int left, int top, float z)
-      : frame_(frame), left_(left), top_(top), z_(z) {}
-
-  /// Returns the mean over the next square, of twice the last one's side; 0 if it is not one
-  /// surface, measured all over.
-  float next_mean() {
-    const int from = (kBlock - side_ + 1) / 2, to = from + side_;
-    const int inner = (kBlock - side_ / 2 + 1) / 2, outer = inner + side_ / 2;
-    for (int v = from; v < to; ++v) {
-      const bool is_across = v >= inner && v < outer;
-      for (int u = from; u < to; ++u) {
-        if (is_across && u == inner) u = outer;
-        if (u >= to) break;
-        const float at = depth_at(frame_, (top_ + v) * frame_.width + left_ + u);
-        if (!(std::fabs(at - z_) < kSameSurface * z_)) return 0;
-        sum_ += at - z_;
-      }
-    }
-    const float mean = z_ + sum_ / static_cast<float>(side_ * side_);
-    side_ *= 2;
-    return mean;
-  }
-
- private:
-  const DepthImageView& frame_;
-  int left_, top_;
-  float z_;
-  int side_ = 1;
-  float sum_ = 0;
-};
-
 /// Standard deviation of the details of the fine scales together, as base + growth z^2.
 struct FineNoise {
   explicit FineNoise(const FrameNoise& noise) {
@@ -62,8 +30,90 @@ struct FineNoise {
       growth = std::hypot(growth, noise.growth[k]);
     }
   }
+  float at(float z) const { return base + growth * z * z; }
+
   float base = 0, growth = 0;
 };
+
+/// Sums the steps of nested squares about the middle of a block, as shares of the deviation of what
+/// is seen.
+class Rings {
+ public:
+  /// `before`: the pixels of the block in the last frame, which become those of this one.
+  Rings(const DepthImageView& frame, int left, int top, const FineNoise& fine, float* before)
+      : frame_(frame), left_(left), top_(top), fine_(fine), before_(before) {}
+
+  /// Returns the step of the mean over the next square, of twice the last one's side; no number if
+  /// too few pixels are known in both frames.
+  float next_step() {
+    const int from = (kBlock - side_ + 1) / 2, to = from + side_;
+    const int inner = (kBlock - side_ / 2 + 1) / 2, outer = inner + side_ / 2;
+    for (int v = from; v < to; ++v) {
+      const bool is_across = v >= inner && v < outer;
+      for (int u = from; u < to; ++u) {
+        if (is_across && u == inner) u = outer;
+        if (u >= to) break;
+        add(u, v);
+      }
+    }
+    const auto all = static_cast<float>(side_ * side_);
+    side_ *= 2;
+    return num_ >= kMinKnown * all ? sum_ / num_ : std::numeric_limits<float>::quiet_NaN();
+  }
+
+ private:
+  void add(int u, int v) {
+    float& before = before_[v * kBlock + u];
+    const float z = depth_at(frame_, (top_ + v) * frame_.width + left_ + u);
+    const float step = z - before, sd = fine_.at(z);
+    if (before > 0 && std::fabs(step) < kSameSurface * z && sd > 0) {
+      sum_ += step / sd;
+      num_ += 1;
+    }
+    before = z;
+  }
+
+  const DepthImageView& frame_;
+  int left_, top_;
+  const FineNoise& fine_;
+  float* before_;
+  int side_ = 1;
+  float sum_ = 0, num_ = 0;
+};
+
+/// Returns the variance of the mean over a square of 2^k pixels by the white noise of the cells of
+/// a scale, of unit variance. Queries make it a B-spline (place_scales in
+/// src/contact/noise/noise_model.h), whose mean over squares of about its own cells is calmer;
+/// pixels remain what they are.
+double seen_in(int k, int scale) {
+  if (scale == 0) return std::ldexp(1, -2 * k);
+  constexpr double of_spline[2 * kNumNoiseLevels - 1] = {0.7561,  0.7555,  0.7532, 0.7442, 0.7100,
+                                                         0.5988,  0.3692,  0.1548, 0.0495, 0.0139,
+                                                         0.00367, 0.00094, 0.00024};
+  return of_spline[k - scale + kNumNoiseLevels - 1];
+}
+
+/// Moves noise between the cells of the scales until the means over squares have these variances:
+/// each scale grows by what the squares that see it have too little. What fits stays, as white
+/// noise does.
+void fit_cells(const double (&variance)[kNumNoiseLevels], double (&cells)[kNumNoiseLevels]) {
+  constexpr int num_steps = 10;
+  for (int step = 0; step < num_steps; ++step) {
+    double by_told[kNumNoiseLevels] = {}, by_known[kNumNoiseLevels] = {};
+    for (int k = 0; k < kNumNoiseLevels; ++k) {
+      double reported = 0;
+      for (int scale = 0; scale < kNumNoiseLevels; ++scale)
+        reported += seen_in(k, scale) * cells[scale];
+      for (int scale = 0; scale < kNumNoiseLevels; ++scale) {
+        by_told[scale] += seen_in(k, scale) / reported;
+        by_known[scale] += seen_in(k, scale) / variance[k];
+      }
+    }
+    for (int scale = 0; scale < kNumNoiseLevels; ++scale) {
+      cells[scale] *= by_told[scale] / by_known[scale];
+    }
+  }
+}
 
 }  // namespace
 
@@ -71,34 +121,29 @@ StreamNoise::StreamNoise(int width, int height)
     : width_(width),
       blocks_wide_((width / kBlock + 1) / 2),
       blocks_high_((height / kBlock + 1) / 2),
-      means_(static_cast<std::size_t>(blocks_wide_ * blocks_high_ * kNumNoiseLevels)) {}
+      before_(static_cast<std::size_t>(blocks_wide_ * blocks_high_ * kBlock * kBlock)),
+      steps_(static_cast<std::size_t>(blocks_wide_ * blocks_high_ * kNumNoiseLevels),
+             std::numeric_limits<float>::quiet_NaN()) {}
 
 void StreamNoise::add(const DepthImageView& frame, const FrameNoise& seen) {
   for (Scale& scale : scales_) scale = {kMemory * scale.turned, kMemory * scale.num};
   const FineNoise fine(seen);
-  Mean* mean = means_.data();
+  float* last = steps_.data();
   for (int block = 0; block < blocks_wide_ * blocks_high_; ++block) {
     const int left = block % blocks_wide_ * 2 * kBlock, top = block / blocks_wide_ * 2 * kBlock;
-    const float z = depth_at(frame, (top + kBlock / 2) * width_ + left + kBlock / 2);
-    const float sd = fine.base + fine.growth * z * z;
-    bool is_known = z > 0 && sd > 0;
-    Rings rings(frame, left, top, z);
-    for (int k = 0; k < kNumNoiseLevels; ++k, ++mean) {
-      const float now = is_known ? rings.next_mean() : 0;
-      is_known = now > 0;
-      if (!is_known) {
-        mean->num_before = 0;
-        continue;
-      }
-      const float step = now - mean->value;
-      if (mean->num_before == 2) {
-        // Something that appears or goes is no noise, and no motion either.
-        constexpr double limit = 25;
-        const double turned = static_cast<double>(-step * mean->step / (sd * sd));
-        scales_[k].turned += std::clamp(turned, -limit, limit);
-        scales_[k].num += 1;
-      }
-      *mean = {now, step, std::min(mean->num_before + 1, 2)};
+    Rings rings(frame, left, top, fine, before_.data() + block * kBlock * kBlock);
+    for (int k = 0; k < kNumNoiseLevels; ++k, ++last) {
+      const float step = rings.next_step(), turned = -step * *last;
+      *last = step;
+      if (std::isnan(turned)) continue;
+      // Noise hardly ever goes on by more than that: something moves. Its steps are large, and few
+      // of them would hide the noise of many others.
+      constexpr double least = -4;
+      Scale& scale = scales_[k];
+      const double own = scale.num > 0 ? scale.turned / scale.num : 0;
+      scale.turned +=
+          std::max(static_cast<double>(turned), least * std::max(own, std::ldexp(1, -2 * k)));
+      scale.num += 1;
     }
   }
 }
@@ -119,22 +164,26 @@ FrameNoise StreamNoise::of_frame(const FrameNoise& seen, bool is_averaged) const
     const double most = k > 1 ? before - 0.25 * (variance[k - 2] - before) : before;
     variance[k] = k == 0 ? std::max(own, 0.0) : std::clamp(own, before / 4, most);
   }
+  if (!(variance[0] > 0)) return seen;
   constexpr double of_white = 0.75;  // what a mean of four loses
-  const auto detail = [&](int k) {
+  double cells[kNumNoiseLevels], size = 1, fine_details = 0, detail = 0;
+  for (int k = 0; k < kNumNoiseLevels; ++k) {
     const bool is_last = k + 1 == kNumNoiseLevels;  // which stands for all wider ones
-    return kDetailShare * (is_last ? variance[k] : (variance[k] - variance[k + 1]) / of_white);
-  };
-  double size = 1;
-  if (is_averaged) {
-    size = 0;
-    for (int k = 0; k < kNumFine; ++k) size += detail(k);
+    const double wider = 0.25 * detail;
+    detail = is_last ? variance[k] : (variance[k] - variance[k + 1]) / of_white;
+    cells[k] = detail - wider;
+    if (k < kNumFine) fine_details += kDetailShare * detail;
   }
-  if (!(size > 0) || !(variance[0] > 0)) return seen;
+  if (is_averaged) size = fine_details;
+  if (!(size > 0)) return seen;
+  fit_cells(variance, cells);
   const FineNoise fine(seen);
   FrameNoise result;
   result.is_whole = true;
+  detail = 0;
   for (int k = 0; k < kNumNoiseLevels; ++k) {
-    const auto share = static_cast<float>(std::sqrt(detail(k) / size));
+    detail = cells[k] + 0.25 * detail;
+    const auto share = static_cast<float>(std::sqrt(kDetailShare * detail / size));
     result.base[k] = share * fine.base;
     result.growth[k] = share * fine.growth;
   }

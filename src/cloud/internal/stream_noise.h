@@ -1,9 +1,9 @@
 // The random noise of a stream, learned from frames that follow each other. A single frame shows
 // neither what its noise shares over the whole image nor which of its details come again in the
 // next one; time shows both. In every second block of each second row, means over squares of 2^k
-// pixels step from frame to frame. Noise turns back and motion goes on (depth_estimate.h): with d
-// the step of a mean and d' the next one, the mean of -d d' is its variance. So there is no option,
-// and what moves is not learned as noise.
+// pixels step from frame to frame, by the pixels that both frames measure. Noise turns back and
+// motion goes on (depth_estimate.h): with d the step of a mean and d' the next one, the mean of
+// -d d' is its variance. So there is no option, and what moves is not learned as noise.
 #pragma once
 
 #include <vector>
@@ -27,16 +27,13 @@ class StreamNoise {
   FrameNoise of_frame(const FrameNoise& seen, bool is_averaged) const;
 
  private:
-  struct Mean {
-    float value = 0, step = 0;  ///< m
-    int num_before = 0;         ///< frames that knew it without a gap: 0, 1, 2
-  };
   struct Scale {
     double turned = 0, num = 0;  ///< sum of -d d' in variances of what is seen; its terms
   };
 
   int width_, blocks_wide_, blocks_high_;
-  std::vector<Mean> means_;  ///< of each block, from fine to wide
+  std::vector<float> before_;  ///< m, pixels of the last frame, block by block; 0: no measurement
+  std::vector<float> steps_;   ///< of each block, from fine to wide; no number: unknown
   Scale scales_[kNumNoiseLevels];
 };
 

@@ -37,7 +37,7 @@ struct NoiseScales {
 
 /// Returns them at a depth. Noise that is nearly white at one scale is so at the next wider one:
 /// the excess of a level's variance over what it would be of white noise grows at most fourfold.
-/// More is shape.
+/// More is shape, which a stream's noise has no part of.
 PALPATE_HOSTDEV inline NoiseScales noise_scales(const FrameNoise& noise, float z) {
   constexpr float white = 0.25f, max_growth = 4;
   NoiseScales scales;
@@ -47,7 +47,7 @@ PALPATE_HOSTDEV inline NoiseScales noise_scales(const FrameNoise& noise, float z
     float variance = sd * sd * static_cast<float>(1 / kDetailShare);
     if (k > 0) {
       const float upper = share * before, lower = white * before;
-      variance = variance > upper ? upper : variance;
+      variance = variance > upper && !noise.is_whole ? upper : variance;
       variance = variance < lower ? lower : variance;
       if (before > 0) share = white + max_growth * (variance / before - white);
     }

@@ -8,6 +8,7 @@
 
 #include "palpate/io/files.h"
 #include "palpate/io/formats.h"
+#include "src/cloud/internal/frame_noise.h"
 #include "tests/contact/noise/noise_study.h"
 #include "tests/test_util/data.h"
 
@@ -41,8 +42,11 @@ struct Shares {
   }
 };
 
-Shares shares_of(const std::vector<DepthFrame>& frames, const Intrinsics& eye,
-                 const SurfaceOptions& options, const Tool& tool, double radius) {
+/// Shares over the frames from `num_moving` on. A frame whose noise a stream does not know yet
+/// counts for the mean alone.
+Shares shares_of(const std::vector<DepthFrame>& frames, std::size_t num_moving,
+                 const Intrinsics& eye, const SurfaceOptions& options, const Tool& tool,
+                 double radius) {
   const int wide = frames[0].width, high = frames[0].height;
   const auto depth_at = [&](const DepthFrame& frame, int u, int v) {
     return frame.unit * frame.pixels[static_cast<std::size_t>(v * wide + u)];
@@ -72,10 +76,13 @@ Shares shares_of(const std::vector<DepthFrame>& frames, const Intrinsics& eye,
           .value();
   const Contact contact = Contact::create(tool).value();
   std::vector<NoiseStudy> studies(poses.size());
-  for (const DepthFrame& frame : frames) {
-    const SurfaceView surface = sensor.update(frame);
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    const SurfaceView surface = sensor.update(frames[k]);
+    if (k < num_moving) continue;
+    const bool is_told = is_known(options.noise) || surface.field.noise->is_whole;
     for (std::size_t i = 0; i < poses.size(); ++i) {
       studies[i].add(contact.measure(surface, poses[i], {.noise = true}));
+      if (!is_told) studies[i].said.back().fill(NAN);
     }
   }
   Shares shares;
@@ -83,11 +90,13 @@ Shares shares_of(const std::vector<DepthFrame>& frames, const Intrinsics& eye,
   return shares;
 }
 
-// A D4xx that sees a laboratory, with the noise that its frames have in time: they share about a
-// third of it over the whole image, which no single frame shows.
+// A D4xx that sees a laboratory, with the noise that its frames have in time, and with what the
+// stream learns: neighbors share much of it, which no single frame shows. From its first frame to
+// the third the camera still moves, by 5 and 1 mm in the median: the stream learns from these, too.
 TEST(RestingRecordings, OfAStereoCameraErrByWhatTheySay) {
   PALPATE_DATA_OR_SKIP(folder, "recordings/aims-d4xx-lab/depth");
   const std::vector<DepthFrame> frames = load_frames(folder, "", 139, 155);
+  constexpr std::size_t num_moving = 2;
   constexpr Intrinsics eye{383, 383, 320, 240};
   struct Case {
     const char* name;
@@ -98,15 +107,15 @@ TEST(RestingRecordings, OfAStereoCameraErrByWhatTheySay) {
       {"ball", Tool::pack(make_icosphere(0.03, 4), {.max_spheres = 1000}).value(), 0.03},
       {"box", Tool::pack(make_box({0.06, 0.04, 0.05}), {.max_spheres = 1500}).value(), 0.025}};
   for (const Smoothing smoothing : {Smoothing::bilateral, Smoothing::adaptive}) {
-    for (const bool is_known : {true, false}) {
-      if (!is_known && smoothing == Smoothing::bilateral) continue;  // it learns nothing
+    for (const bool is_set : {true, false}) {
+      if (!is_set && smoothing == Smoothing::bilateral) continue;  // it learns nothing
       SurfaceOptions options;
       options.filter.smoothing = smoothing;
-      if (is_known) options.noise = {0.0006, 0.0034, 13};
+      if (is_set) options.noise = {0.0006, 0.0034, 13};
       for (const Case& c : cases) {
-        const Shares shares = shares_of(frames, eye, options, c.tool, c.radius);
+        const Shares shares = shares_of(frames, num_moving, eye, options, c.tool, c.radius);
         const std::string what =
-            std::string(c.name) + (is_known ? ", known, " : ", learned, ") + name_of(smoothing);
+            std::string(c.name) + (is_set ? ", set, " : ", learned, ") + name_of(smoothing);
         std::printf("%-26s", what.c_str());
         for (const auto& errors : shares.errors) {
           std::printf("  %.0f, %.0f %%", 100 * share_within(errors, 1),
@@ -114,10 +123,11 @@ TEST(RestingRecordings, OfAStereoCameraErrByWhatTheySay) {
         }
         std::printf("  of %zu\n", shares.errors[0].size());
         EXPECT_GT(shares.errors[0].size(), 1000u) << what;
-        if (!is_known) continue;
-        EXPECT_GT(share_within(shares.errors[0], 1), 0.55) << what;
-        EXPECT_LT(share_within(shares.errors[0], 1), 0.85) << what;
-        EXPECT_GT(share_within(shares.errors[0], 2), 0.80) << what;
+        for (int k = 0; k < 2; ++k) {
+          EXPECT_GT(share_within(shares.errors[k], 1), 0.57) << what;
+          EXPECT_LT(share_within(shares.errors[k], 1), 0.78) << what;
+          EXPECT_GT(share_within(shares.errors[k], 2), 0.85) << what;
+        }
       }
     }
   }
