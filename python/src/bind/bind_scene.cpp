@@ -169,6 +169,19 @@ std::uint8_t* hits_in(const WritableArray& out, std::size_t num, int gpu) {
   return static_cast<std::uint8_t*>(out.data());
 }
 
+/// Returns the array `out` of the caller. TypeError: nothing that its owner lends.
+WritableArray writable(nb::handle out, nb::handle stream) {
+  try {
+    WritableArray here;
+    if (const auto there = writable_on_gpu(out, "out", stream)) return *there;
+    if (nb::try_cast<WritableArray>(out, here, false)) return here;
+  } catch (const nb::python_error&) {
+  } catch (const std::bad_cast&) {
+  }
+  throw nb::type_error(
+      "out: not an array of bool or uint8 that can be written; CuPy lends uint8 only");
+}
+
 nb::object any(PyContact& self, nb::handle given, nb::handle poses, double margin,
                nb::handle tool_of_pose, nb::handle group_of_pose, nb::handle out,
                nb::handle stream) {
@@ -184,14 +197,9 @@ nb::object any(PyContact& self, nb::handle given, nb::handle poses, double margi
     const Made<std::uint8_t> made(gpu, {num});
     hits = made.at;
     result = made.bools(gpu);
-  } else if (const auto there = writable_on_gpu(out, "out", stream)) {
-    array = *there;
-    hits = hits_in(array, num, gpu);
-  } else if (nb::try_cast<WritableArray>(out, array, false)) {
-    hits = hits_in(array, num, gpu);
   } else {
-    throw nb::type_error(
-        "out: not an array of bool or uint8 that can be written; CuPy lends uint8 only");
+    array = writable(out, stream);
+    hits = hits_in(array, num, gpu);
   }
   const auto queue = request.queue(gpu);
   check(self.with_scenes([&](const SceneContact& contact) {

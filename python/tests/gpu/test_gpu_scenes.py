@@ -64,6 +64,8 @@ def test_a_scene_takes_and_leaves_arrays_there(cube, scene, library, num_cameras
     assert np.array_equal(library.host(is_hit), blocked)
     with pytest.raises(ValueError, match="out: is elsewhere than the poses"):
         contact.any(everything, where, out=np.zeros(NUM, bool))
+    with pytest.raises((TypeError, ValueError), match="out: "):
+        contact.any(everything, where, out=library.on_gpu(np.zeros(NUM, np.int16)))
     library.write(where, library.on_gpu(poses[::-1].copy()))
     library.wait()
 

@@ -161,8 +161,9 @@ FrameNoise StreamNoise::of_frame(const FrameNoise& seen, bool is_averaged) const
       continue;
     }
     const double own = scale.turned / scale.num;
+    const double least = before / 4;
     const double most = k > 1 ? before - 0.25 * (variance[k - 2] - before) : before;
-    variance[k] = k == 0 ? std::max(own, 0.0) : std::clamp(own, before / 4, most);
+    variance[k] = k == 0 ? std::max(own, 0.0) : std::clamp(own, least, std::max(least, most));
   }
   if (!(variance[0] > 0)) return seen;
   constexpr double of_white = 0.75;  // what a mean of four loses

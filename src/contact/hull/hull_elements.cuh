@@ -52,6 +52,7 @@ __device__ Joined<InSpace<Sample>> query_hull(const HullQuery<kMaxViews>& query,
   using Space = InSpace<Sample>;
   constexpr bool kWithWhole = std::is_same_v<Scratch, WholeScratch<kMaxViews, Sample>>;
   constexpr int kWhole = 2 * kMaxViews, kFields = kWhole + 1;  // rows
+  static_assert(2 * kMaxViews <= gpu::kWarpSize, "a lane for each view of the ball");
   const bool is_whole = kWithWhole && gpu::warp_id() == kHullWarps;
   const bool joins = gpu::warp_id() == 0 || is_whole;
   const auto sample = [&](const auto& of_view) {

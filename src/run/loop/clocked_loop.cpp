@@ -111,15 +111,12 @@ Status ClockedLoop::start() {
   if (!started) return started;
   wall_offset_ = monotonic_now();
   is_running_ = true;
-  try {
-    thread_ = std::thread([this] { work(); });
-  } catch (const std::system_error& error) {
+  const Status working = start_thread(thread_, "of the loop", [this] { work(); });
+  if (!working) {
     is_running_ = false;
     stop();
-    return Error{Errc::unavailable, std::string("cannot start the thread of the loop: ") +
-                                        error.what() + "; end other programs and try again"};
   }
-  return Done{};
+  return working;
 }
 
 void ClockedLoop::stop() noexcept {

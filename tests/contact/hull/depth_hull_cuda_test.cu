@@ -124,10 +124,11 @@ TEST_F(DepthHullCuda, ABlockForEachClusterChangesRoundingAlone) {
   scenes.push_back(test::smooth_scene(4));
   scenes.push_back(test::rough_memories(2, random));
   scenes.push_back(test::rough_scene(5, {}, random));
+  scenes.push_back(test::rough_scene(5, {}, random));
   scenes.push_back(test::rough_memories(1, random));
   for (std::size_t s = 0; s < scenes.size(); ++s) {
     const HullScene& scene = scenes[s];
-    const auto index = ToolIndex::create(s < 2 ? grid : loose);
+    const auto index = ToolIndex::create(s < 3 ? grid : loose);
     const auto cpu = make_contact_query(Place::cpu(), index, FieldMethod{}).value();
     const FieldContactCuda few(index, {}, 0, 2), many(index, {}, 0, 1000);
     const double scale = index->tool().mesh_mass().volume;
