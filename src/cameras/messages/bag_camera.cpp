@@ -256,7 +256,7 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   if (!looked) return looked.error();
   const std::vector<std::string>& lacks = (*reader)->notes();
   notes.insert(notes.end(), lacks.begin(), lacks.end());
-  // What is not found may be in the parts that are not there.
+  // The parts that are not there may hold what is not found.
   const auto with_lacks = [&](Error error) {
     for (const std::string& each : lacks) error.message += "; " + each;
     return error;
