@@ -248,12 +248,11 @@ class Recordings : public testing::Test {
     const auto bag = BagReader::open(folder_ / name);
     return bag ? "none" : bag.error().message;
   }
-  /// The notes of a recording, in lines.
+  /// Returns the notes of a recording, in lines.
   std::string notes_of(const std::string& name) const {
+    const auto bag = BagReader::open(folder_ / name).value();
     std::string notes;
-    for (const std::string& each : BagReader::open(folder_ / name).value()->notes()) {
-      notes += each + "\n";
-    }
+    for (const std::string& each : bag->notes()) notes += each + "\n";
     return notes;
   }
   std::string path(const char* name) const { return (folder_ / name).string(); }
