@@ -49,9 +49,13 @@ void add_camera(const McapMessage& message, BagContents::Camera& camera) {
   if (camera.frame_id.empty()) camera.frame_id = plain_frame(std::string(stamp.frame));
   if (!model) return keep_first(camera.trouble, model.error());
   LensHistory& models = camera.models;
-  if (models.empty() || !(models.back().second == *model)) {
-    models.emplace_back(stamp.time, *model);
-  }
+  // Numbers that are none equal nothing, and would be kept again and again.
+  const auto is_empty = [](const RosCameraModel& each) {
+    return !(each.raw.fx > 0) && !(each.rectified.fx > 0);
+  };
+  const bool is_same = !models.empty() && (models.back().second == *model ||
+                                           (is_empty(models.back().second) && is_empty(*model)));
+  if (!is_same) models.emplace_back(stamp.time, *model);
 }
 
 /// Returns the lens where it is known for images on that topic; else `trouble` is why it is not.
