@@ -34,11 +34,11 @@ class BagContents : public testing::Test {
     }
     std::ofstream(path_, std::ios::binary) << test::ros1_bag({test::ros1_chunk(records)});
   }
-  /// Reads all frames; returns the error, empty if none.
-  std::string read(const std::string& parameters = "") {
+  /// Reads all frames of the file, or of `path`; returns the error, empty if none.
+  std::string read(const std::string& parameters = "", std::string path = "") {
     frames_.clear();
     notes_.clear();
-    auto camera = open_camera("bag:" + path_ + parameters);
+    auto camera = open_camera("bag:" + (path.empty() ? path_ : path) + parameters);
     if (!camera) return camera.error().message;
     info_ = (*camera)->info();
     DepthFrame frame;
@@ -145,6 +145,81 @@ TEST_F(BagContents, TheLensOfAnotherCameraIsNotTakenWithoutAWord) {
   EXPECT_EQ(notes_, "");
 }
 
+// It lies beside them, and may be that of another camera all the same.
+TEST_F(BagContents, TheLensBesideTheImagesIsCheckedToo) {
+  const auto with = [&](const char* frame, int width) {
+    Shot other = at(0);
+    other.frame = frame;
+    other.info_width = width;
+    write({{kInfo, kCameraInfo, camera_info(other)}, {kTopic, kImage, image(at(0))}});
+    return read();
+  };
+  EXPECT_EQ(with("cam", 64), "");
+  EXPECT_EQ(notes_.find("camera_info"), std::string::npos) << "they are binned";
+  EXPECT_EQ(info_.intrinsics.fx, 15);
+  EXPECT_EQ(with("color", 32), "");
+  EXPECT_WORDS(notes_, "is of frame 'color' and 32 x 24 pixels, the images on");
+  EXPECT_WORDS(with("color", 64),
+               "the camera_info on /cam/depth/camera_info is of frame 'color' and 64 x 24 pixels");
+  EXPECT_EQ(read("?info=cam/depth/camera_info"), "") << "it was asked for, by its shorter name";
+  EXPECT_EQ(notes_.find("camera_info"), std::string::npos);
+  EXPECT_EQ(read("?topic=cam/depth/image_raw&intrinsics=31,31,15.5,11.5"), "");
+  EXPECT_EQ(notes_, "");
+  EXPECT_EQ(info_.intrinsics.fx, 31);
+}
+
+TEST_F(BagContents, ALensOfZerosIsLeftOutIfOthersAreGood) {
+  Shot zeros = at(0);
+  zeros.fx = 0;
+  const Message bad{kInfo, kCameraInfo, camera_info(zeros)},
+      good{kInfo, kCameraInfo, camera_info(at(0))};
+  for (const bool is_first : {true, false}) {
+    write({is_first ? bad : good,
+           is_first ? good : bad,
+           {kInfo, kCameraInfo, camera_info(at(1))},
+           {kTopic, kImage, image(at(0))},
+           {kTopic, kImage, image(at(1))}});
+    EXPECT_EQ(read(), "");
+    EXPECT_EQ(frames_.size(), 2u);
+    EXPECT_EQ(info_.intrinsics.fx, 30);
+    EXPECT_EQ(notes_,
+              "/cam/depth/camera_info has messages that are left out: a camera_info without "
+              "intrinsics, as of a camera that is not calibrated; calibrate it\n");
+  }
+  write({bad, {kTopic, kImage, image(at(0))}});
+  EXPECT_WORDS(read(), "/cam/depth/camera_info: a camera_info without intrinsics");
+  EXPECT_WORDS(read(), "pass ?intrinsics=fx,fy,cx,cy");
+  EXPECT_EQ(read("?intrinsics=30,30,15.5,11.5"), "");
+}
+
+// Rectified images are those of P, whatever lens they were taken by.
+TEST_F(BagContents, OfALensThatIsNotKnownRectifiedImagesAreRead) {
+  const auto with = [&](const char* topic, const char* model, std::vector<double> coefficients) {
+    Shot shot = at(0);
+    shot.model = model;
+    shot.distortion = std::move(coefficients);
+    write({{kInfo, kCameraInfo, camera_info(shot)}, {topic, kImage, image(at(0))}});
+    return read();
+  };
+  const std::vector<double> tilted(14, 0.01);
+  for (const char* model : {"equidistant", "rational_polynomial", "of the maker's own"}) {
+    EXPECT_EQ(with("/cam/depth/image_rect_raw", model, tilted), "") << model;
+    EXPECT_EQ(notes_, "");
+    EXPECT_EQ(info_.intrinsics.fx, 30);
+    ASSERT_EQ(frames_.size(), 1u);
+    expect_depth(frames_[0]);
+    EXPECT_WORDS(with(kTopic, model, tilted), "with 14 coefficients; known are");
+    EXPECT_WORDS(with(kTopic, model, tilted),
+                 "record undistorted images, or pass ?intrinsics=fx,fy,cx,cy in pixels");
+  }
+  // Without coefficients, these are no pinhole's: r = f theta.
+  for (const char* model : {"equidistant", "fisheye", "Kannala_Brandt4"}) {
+    EXPECT_WORDS(with(kTopic, model, {0, 0, 0, 0}), "has the distortion model '") << model;
+    EXPECT_EQ(with("/cam/depth/image_rect_raw", model, {0, 0, 0, 0}), "") << model;
+  }
+  EXPECT_EQ(with(kTopic, "of the maker's own", {0, 0, 0, 0}), "");
+}
+
 // Among several lenses on other topics, the one with the images' frame is taken.
 TEST_F(BagContents, TheLensOfTheSameFrameIsTaken) {
   Shot left = at(0), right = at(0);
@@ -207,6 +282,20 @@ TEST_F(BagContents, ImagesOfTheTransportCompressed) {
     expect_depth(frames_[0]);
     EXPECT_EQ(info_.intrinsics.fx, 30) << "that of the image itself";
   }
+  // With the 12 bytes of compressedDepth before it, whatever it is called.
+  for (const char* format : {"16UC1; compressedDepth png", "16UC1; compressedDepth ", "16UC1",
+                             "png", "16UC1; compressedDepth zip"}) {
+    write({info,
+           {std::string(kTopic) + "/compressedDepth", type,
+            test::compressed_image(at(0), format, std::string(12, '\0') + png)}});
+    EXPECT_EQ(read(), "") << format;
+    ASSERT_EQ(frames_.size(), 1u);
+    expect_depth(frames_[0]);
+  }
+  write({info,
+         {topic, type,
+          test::compressed_image(at(0), "16UC1; tiff compressed ", std::string(99, 'x'))}});
+  EXPECT_WORDS(read(), "is of the format '16UC1; tiff compressed '");
   const std::string jpeg = "\xff\xd8\xff\xe0 and more";
   write({info,
          {"/cam/color/compressed", type,
@@ -249,6 +338,23 @@ TEST_F(BagContents, ALaterPartAloneKnowsWhatWasSentOnceInTheFirstOne) {
   EXPECT_EQ(info_.intrinsics.fx, 30);
   EXPECT_WORDS(notes_, "is a part of a recording: what is sent once is read in " +
                            (folder_ / "first.bag").string());
+}
+
+TEST_F(BagContents, PartsThatAreMissingAreToldWithWhatIsNotFound) {
+  write({{kInfo, kCameraInfo, camera_info(at(0))}, {kTopic, kImage, image(at(0))}});
+  std::filesystem::rename(path_, folder_ / "x_0.bag");
+  write({{kTopic, kImage, image(at(1))}});
+  std::filesystem::rename(path_, folder_ / "x_2.bag");
+  std::ofstream(folder_ / "metadata.yaml")
+      << "a:\n  relative_file_paths:\n  - x_0.bag\n  - x_1.bag\n  - x_2.bag\n";
+  const std::string lacks = folder_.path().string() + " lacks parts of its recording: ";
+  EXPECT_EQ(read("", folder_.path().string()), "");
+  EXPECT_EQ(frames_.size(), 2u);
+  EXPECT_EQ(notes_, lacks + "x_1.bag\n");
+  std::filesystem::remove(folder_ / "x_0.bag");
+  EXPECT_WORDS(read("", folder_.path().string()), "unknown intrinsics; pass ?intrinsics=");
+  EXPECT_WORDS(read("", folder_.path().string()), "; " + lacks + "x_0.bag, x_1.bag");
+  EXPECT_WORDS(read("?world=map&intrinsics=30,30,15.5,11.5", folder_.path().string()), lacks);
 }
 
 TEST_F(BagContents, TransformsWithoutARotationAreNamed) {

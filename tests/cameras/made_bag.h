@@ -17,7 +17,7 @@ inline constexpr int kWidth = 32, kHeight = 24;
 struct Shot {
   std::uint32_t seconds = 100, nanoseconds = 0;
   int width = kWidth, height = kHeight;
-  double fx = 30;  // of an image of kWidth
+  double fx = 30;  // of an image of kWidth; 0: the camera is not calibrated
   std::uint32_t binning = 0;
   std::array<std::uint32_t, 4> roi{};  // x, y, height, width
   std::string frame = "cam";

@@ -248,6 +248,14 @@ class Recordings : public testing::Test {
     const auto bag = BagReader::open(folder_ / name);
     return bag ? "none" : bag.error().message;
   }
+  /// Returns the notes of a recording, in lines.
+  std::string notes_of(const std::string& name) const {
+    const auto bag = BagReader::open(folder_ / name).value();
+    std::string notes;
+    for (const std::string& each : bag->notes()) notes += each + "\n";
+    return notes;
+  }
+  std::string path(const char* name) const { return (folder_ / name).string(); }
   /// A part whose channels have numbers of its own.
   static std::string part(std::uint16_t number) {
     const auto id = static_cast<std::uint16_t>(7 * number);
@@ -283,9 +291,49 @@ TEST_F(Recordings, PartsOfOneAreReadOneAfterTheOther) {
         "    - bag/run_2024_09_2.mcap\r\n    - \"run_2024_11_10.mcap.zstd\"\n"
         "    - run_2024_09_7.mcap\n  version: 4\n  topics:\n    - run_2024_09_0.mcap\n");
   EXPECT_EQ(times("bag"), (Times{2, 10}));
+  EXPECT_EQ(times("bag/metadata.yaml"), (Times{2, 10}));
   // Notes of other files are none.
   write("bag/metadata.yaml", "  relative_file_paths:\n  - other.mcap\n");
   EXPECT_EQ(times("bag"), (Times{0, 2, 10}));
+}
+
+TEST_F(Recordings, PartsThatAreMissingAreNamed) {
+  std::filesystem::create_directory(folder_ / "bag");
+  for (const char* name : {"bag/x_0.mcap", "bag/x_2.mcap", "bag/x_6.mcap"}) write(name, part(1));
+  const std::string lacks = path("bag") + " lacks parts of its recording: ";
+  EXPECT_EQ(notes_of("bag"), lacks +
+                                 "number 1 between x_0.mcap and x_2.mcap, number 3 to 5 "
+                                 "between x_2.mcap and x_6.mcap\n");
+  std::string listed = "  relative_file_paths:\n";
+  for (int k = 0; k < 10; ++k) listed += "    - x_" + std::to_string(k) + ".mcap\n";
+  write("bag/metadata.yaml", listed);
+  EXPECT_EQ(notes_of("bag"), lacks +
+                                 "x_1.mcap, x_3.mcap, x_4.mcap, x_5.mcap, x_7.mcap and 2 "
+                                 "more\n");
+  write("bag/metadata.yaml", "  relative_file_paths:\n    - x_0.mcap\n    - x_2.mcap\n");
+  EXPECT_EQ(notes_of("bag"), "");
+  EXPECT_EQ(notes_of("bag/x_0.mcap"), "");
+}
+
+TEST_F(Recordings, PartsThatAreEmptyAreLeftOut) {
+  std::filesystem::create_directory(folder_ / "bag");
+  for (const std::uint16_t k : {0, 2}) {
+    write("bag/x_" + std::to_string(k) + ".mcap", part(k));
+    write("bag/x_" + std::to_string(k + 1) + ".mcap", "");
+  }
+  const auto expect = [&] {
+    EXPECT_EQ(times("bag"), (std::vector<std::uint64_t>{0, 2}));
+    const std::string words = " is empty, as of a recorder that was killed: it is left out\n";
+    EXPECT_EQ(notes_of("bag"), path("bag/x_1.mcap") + words + path("bag/x_3.mcap") + words);
+  };
+  expect();
+  write("bag/metadata.yaml",
+        "  relative_file_paths:\n  - x_0.mcap\n  - x_1.mcap\n  - x_2.mcap\n  - x_3.mcap\n");
+  expect();
+  for (const char* name : {"bag/x_0.mcap", "bag/x_2.mcap"}) write(name, "");
+  EXPECT_NE(error_of("bag").find("x_0.mcap is empty, as of a recorder that was killed"),
+            std::string::npos)
+      << error_of("bag");
 }
 
 TEST_F(Recordings, OthersInOneFolderAreNotJoined) {
@@ -328,6 +376,33 @@ TEST_F(Recordings, MessagesThatAreCompressedOneByOneAreUnpacked) {
   EXPECT_EQ(got[0].data, text);
   EXPECT_EQ(got[1].data, text);
   EXPECT_EQ(got[2].data, "") << "damaged";
+}
+
+TEST_F(Recordings, AWindowThatIsTooWideIsNoDamage) {
+  // One frame of 8 bytes whose header asks for 1 GiB to look back at.
+  const std::string_view frame("\x28\xb5\x2f\xfd\0\xa0\x41\0\0four4444", 17);
+  write("x.mcap", test::mcap_file(test::mcap_chunk(frame, 8, "zstd")));
+  const auto bag = BagReader::open(folder_ / "x.mcap").value();
+  const auto message = bag->next();
+  ASSERT_FALSE(message);
+  EXPECT_EQ(message.error().message.find(path("x.mcap") + ": a chunk is compressed with a window"),
+            0u)
+      << message.error().message;
+}
+
+TEST_F(Recordings, TypesAreKnownBySeveralNames) {
+  const std::string image = test::ros1_image(stamp(), 4, 3, std::string(24, 'x'));
+  const std::string cdr = cdr_of_ros1("sensor_msgs/Image", image).value();
+  for (const char* name : {"sensor_msgs/Image", "sensor_msgs/msg/Image", "sensor_msgs::Image",
+                           "sensor_msgs::msg::Image", "sensor_msgs::msg::dds_::Image_"}) {
+    for (const bool is_ros1 : {true, false}) {
+      write("x.mcap", test::mcap_file(test::mcap_channel(1, "/a", name, is_ros1 ? "ros1" : "cdr") +
+                                      test::mcap_message(1, 5, is_ros1 ? image : cdr)));
+      EXPECT_EQ(read(folder_ / "x.mcap"),
+                (std::vector<Got>{{"/a", "sensor_msgs/msg/Image", 5, cdr}}))
+          << name;
+    }
+  }
 }
 
 TEST_F(Recordings, MessagesOfRos1InMcapAndTypesOfOldAreThoseOfRos2) {

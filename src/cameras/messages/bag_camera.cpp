@@ -254,8 +254,15 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   }
   const Status looked = look_through(**reader, uri, contents);
   if (!looked) return looked.error();
+  const std::vector<std::string>& lacks = (*reader)->notes();
+  notes.insert(notes.end(), lacks.begin(), lacks.end());
+  // The parts that are not there may hold what is not found.
+  const auto with_lacks = [&](Error error) {
+    for (const std::string& each : lacks) error.message += "; " + each;
+    return error;
+  };
   const auto topic = contents.choose_images(uri);
-  if (!topic) return topic.error();
+  if (!topic) return with_lacks(topic.error());
 
   const bool has_clouds = contents.has_clouds(*topic);
   const BagContents::Images& images =
@@ -318,10 +325,15 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
     if (ros_parent(name) == ros_parent(*topic)) info.sensor = sensor;
   }
   auto models = has_clouds ? LensHistory() : contents.choose_lens(uri, *topic, notes);
-  if (!models) return models.error();
+  if (!models) return with_lacks(models.error());
+  if (models->empty() && !lacks.empty() && !has_clouds && !uri.intrinsics) {
+    return with_lacks({Errc::bad_input, "camera " + uri.text +
+                                            ": unknown intrinsics; pass "
+                                            "?intrinsics=fx,fy,cx,cy in pixels"});
+  }
   if (!models->empty()) set_ros_camera(models->front().second, *topic, info);
   auto place = place_of(uri, contents, images);
-  if (!place) return place.error();
+  if (!place) return with_lacks(place.error());
   if (*place) info.is_moving = (*place)->transforms.is_moving((*place)->world, (*place)->frame);
   if (*place && !contents.tf_trouble.empty()) {
     notes.push_back(info.name + ": a message of transforms is left out: " + contents.tf_trouble);

@@ -49,10 +49,31 @@ void add_camera(const McapMessage& message, BagContents::Camera& camera) {
   if (camera.frame_id.empty()) camera.frame_id = plain_frame(std::string(stamp.frame));
   if (!model) return keep_first(camera.trouble, model.error());
   LensHistory& models = camera.models;
-  const bool is_known = model->raw.fx > 0 && model->raw.fy > 0;
-  if (models.empty() || (is_known && !(models.back().second == *model))) {
-    models.emplace_back(stamp.time, *model);
+  // Numbers that are none equal nothing, and would be kept again and again.
+  const auto is_empty = [](const RosCameraModel& each) {
+    return !(each.raw.fx > 0) && !(each.rectified.fx > 0);
+  };
+  const bool is_same = !models.empty() && (models.back().second == *model ||
+                                           (is_empty(models.back().second) && is_empty(*model)));
+  if (!is_same) models.emplace_back(stamp.time, *model);
+}
+
+/// Returns the lens where it is known for images on that topic; else `trouble` is why it is not.
+LensHistory usable_lens(const LensHistory& all, const std::string& topic, std::string& trouble) {
+  LensHistory usable;
+  for (const auto& each : all) {
+    if (const Status status = check_ros_camera(each.second, topic); !status) {
+      keep_first(trouble, status.error());
+    } else if (usable.empty() || !(usable.back().second == each.second)) {
+      usable.push_back(each);
+    }
   }
+  return usable;
+}
+
+/// Tells if that is the topic that is desired, which may lack the first slash.
+bool is_called(std::string_view topic, std::string_view desired) {
+  return topic == desired || (topic.starts_with('/') && topic.substr(1) == desired);
 }
 
 void add_transforms(std::string_view data, bool is_static, BagContents& contents) {
@@ -198,7 +219,7 @@ Status look_through(BagReader& reader, const CameraUri& uri, BagContents& conten
       if (from.is_good() && sensor) contents.sensors[channel.topic] = *sensor;
     } else if (channel.schema_name == kCameraInfo) {
       add_camera(**message, contents.cameras[channel.topic]);
-    } else if (!desired.empty() && channel.topic != desired) {
+    } else if (!desired.empty() && !is_called(channel.topic, desired)) {
       continue;
     } else if (is_image_type(channel.schema_name)) {
       add_image(channel.schema_name, **message, contents.images[channel.topic]);
@@ -253,7 +274,8 @@ Result<LensHistory> BagContents::choose_lens(const CameraUri& uri, const std::st
   for (auto each = cameras.begin(); each != cameras.end(); ++each) {
     names.push_back(each->first);
     if (each->second.frame_id == frame) of_frame.push_back(each->first);
-    const bool is_it = desired.empty() ? is_camera_of(each->first, topic) : each->first == desired;
+    const bool is_it =
+        desired.empty() ? is_camera_of(each->first, topic) : is_called(each->first, desired);
     if (is_it && chosen == cameras.end()) chosen = each;
   }
   const auto refused = [&](const std::string& why) {
@@ -264,38 +286,41 @@ Result<LensHistory> BagContents::choose_lens(const CameraUri& uri, const std::st
   if (!desired.empty() && chosen == cameras.end()) {
     return refused("it holds no camera_info on " + desired);
   }
-  if (chosen == cameras.end() && !cameras.empty()) {
-    // It is none that is surely theirs.
-    if (of_frame.size() == 1) chosen = cameras.find(of_frame.front());
-    if (cameras.size() == 1) chosen = cameras.begin();
-    if (chosen == cameras.end()) {
-      if (uri.intrinsics) return LensHistory();
-      return refused("no camera_info lies beside " + topic);
-    }
-    const auto& [name, camera] = *chosen;
-    const RosCameraModel shown =
-        camera.models.empty() ? RosCameraModel{} : camera.models.front().second;
+  const bool is_sure = chosen != cameras.end();  // it was asked for, or lies beside them
+  if (!is_sure && of_frame.size() == 1) chosen = cameras.find(of_frame.front());
+  if (!is_sure && cameras.size() == 1) chosen = cameras.begin();
+  if (chosen == cameras.end()) {
+    if (cameras.empty() || uri.intrinsics) return LensHistory();
+    return refused("no camera_info lies beside " + topic);
+  }
+  const auto& [name, camera] = *chosen;
+  std::string trouble = camera.trouble;
+  const LensHistory models = usable_lens(camera.models, topic, trouble);
+  if (desired.empty()) {
+    const LensHistory& any = models.empty() ? camera.models : models;
+    const RosCameraModel shown = any.empty() ? RosCameraModel{} : any.front().second;
     const bool is_other_frame =
         camera.frame_id != frame && !camera.frame_id.empty() && !frame.empty();
     const bool is_other_size =
         shown.width > 0 && (shown.width != of_images.width || shown.height != of_images.height);
+    const bool is_others = is_other_frame && is_other_size;
     const std::string whose = "the camera_info on " + name + " is of " +
                               described(camera.frame_id, shown.width, shown.height) +
                               ", the images on " + topic + " are of " +
                               described(frame, of_images.width, of_images.height);
-    if (uri.intrinsics && (is_other_frame || camera.models.empty())) return LensHistory();
-    if (is_other_frame && is_other_size) return refused(whose);
-    if (!camera.models.empty() && (is_other_frame || is_other_size))
+    const bool is_theirs = is_sure ? !is_others : !is_other_frame && !models.empty();
+    if (uri.intrinsics && !is_theirs) return LensHistory();
+    if (is_others) return refused(whose);
+    // Beside them, images of another size are binned ones.
+    if (!models.empty() && (is_other_frame || (is_other_size && !is_sure)))
       notes.push_back(whose + "; it is taken for theirs");
   }
-  if (chosen == cameras.end()) return LensHistory();
-  const auto& [name, camera] = *chosen;
-  if (camera.trouble.empty()) return camera.models;
-  if (camera.models.empty() && !uri.intrinsics) {
-    return Error{Errc::bad_input, name + ": " + camera.trouble};
+  if (models.empty() && !trouble.empty() && !uri.intrinsics) {
+    return Error{Errc::bad_input,
+                 name + ": " + trouble + ", or pass ?intrinsics=fx,fy,cx,cy in pixels"};
   }
-  notes.push_back(name + " has messages that are left out: " + camera.trouble);
-  return camera.models;
+  if (!trouble.empty()) notes.push_back(name + " has messages that are left out: " + trouble);
+  return models;
 }
 
 }}  // namespace palpate::v0

@@ -1,6 +1,7 @@
 #include "src/cameras/messages/depth_messages.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstring>
 #include <string>
@@ -17,6 +18,7 @@ namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kMillimeter = 0.001;
+constexpr std::string_view kPng = "\x89PNG";  // first bytes of such a file
 
 Error damaged(const char* what) { return {Errc::bad_input, std::string(what) + " is damaged"}; }
 
@@ -29,6 +31,14 @@ bool is_rectified(const RosCameraModel& camera, const std::string& topic) {
   const std::string_view image = ros_image_topic(topic);
   return image.substr(image.rfind('/') + 1).find("rect") != std::string_view::npos &&
          is_positive(camera.rectified);
+}
+
+/// True for models whose images are no pinhole's even if all coefficients are 0: r = f theta.
+bool is_fisheye(std::string model) {
+  std::ranges::transform(model, model.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const auto has = [&](const char* word) { return model.find(word) != std::string::npos; };
+  return has("equidistant") || has("fisheye") || has("kannala");
 }
 
 Error damaged_info() { return {Errc::bad_input, "a camera_info is damaged; record it again"}; }
@@ -66,19 +76,22 @@ Result<DepthFrame> read_compressed_depth(std::string_view message, double unit, 
                  "image itself, or by the transport compressedDepth"};
   }
   // The transport `compressed`, or OpenCV.
-  if (from.is_good() && data.starts_with("\x89PNG")) {
+  if (from.is_good() && data.starts_with(kPng)) {
     auto frame = decode_depth_png(data, kWhat, kMillimeter);
     if (frame) frame->timestamp = stamp;
     return frame;
   }
   if (!from.is_good() || data.size() < sizeof(Config)) return damaged(kWhat);
+  const std::string_view image = data.substr(sizeof(Config));
   // "16UC1; compressedDepth rvl"; without a word behind it, it is PNG.
   constexpr std::string_view kTransport = "compressedDepth";
   const std::size_t at = format.find(kTransport);
-  const std::string_view codec =
+  std::string_view codec =
       at == std::string_view::npos ? "none" : format.substr(at + kTransport.size());
-  const bool is_rvl = codec == " rvl";
-  if (!is_rvl && codec != " png" && !codec.empty()) {
+  while (codec.starts_with(' ')) codec.remove_prefix(1);
+  while (codec.ends_with(' ')) codec.remove_suffix(1);
+  const bool is_png = image.starts_with(kPng), is_rvl = !is_png && codec == "rvl";
+  if (!is_png && !is_rvl && codec != "png" && !codec.empty()) {
     return Error{Errc::bad_input, "an image is of the format '" +
                                       std::string(format.substr(0, 60)) +
                                       "'; depth is PNG of 16 bits, 'compressedDepth png' or "
@@ -86,7 +99,6 @@ Result<DepthFrame> read_compressed_depth(std::string_view message, double unit, 
   }
   Config config;
   std::memcpy(&config, data.data(), sizeof config);
-  const std::string_view image = data.substr(sizeof config);
   auto frame = is_rvl ? decode_depth_rvl(image, kWhat, kMillimeter)
                       : decode_depth_png(image, kWhat, kMillimeter);
   if (!frame) return frame.error();
@@ -135,28 +147,34 @@ Result<RosCameraModel> read_camera_model(std::string_view message) {
                   static_cast<int>(roi_height)};
   }
   const bool is_bent = std::any_of(d.begin(), d.end(), [](double c) { return c != 0; });
-  if (!is_bent) return camera;
+  if (!is_bent && !is_fisheye(model)) return camera;
   const bool is_known = model == "plumb_bob" || model == "rational_polynomial";
   const bool is_long =
       d.size() > 8 && std::any_of(d.begin() + 8, d.end(), [](double c) { return c != 0; });
   const bool is_whole = d.size() == 4 || d.size() == 5 || d.size() >= 8;
   if (!is_known || is_long || !is_whole) {
-    return Error{Errc::bad_input,
-                 "a camera_info has the distortion model '" + model.substr(0, 40) + "' with " +
-                     std::to_string(d.size()) +
-                     " coefficients; known are plumb_bob with 4 or 5 and rational_polynomial with "
-                     "8; record undistorted images"};
+    camera.unknown_lens =
+        "a camera_info has the distortion model '" + model.substr(0, 40) + "' with " +
+        std::to_string(d.size()) +
+        " coefficients; known are plumb_bob with 4 or 5 and rational_polynomial with 8; record "
+        "undistorted images";
+    return camera;
   }
   d.resize(8);
   camera.distortion = {d[0], d[1], d[2], d[3], d[4], d[5], d[6], d[7]};
   if (const Status status = check_distortion(camera.distortion); !status) {
-    return Error{Errc::bad_input, "a camera_info is damaged: " + status.error().message};
+    camera.unknown_lens = "a camera_info is damaged: " + status.error().message;
   }
   return camera;
 }
 
-bool is_calibrated(const RosCameraModel& camera, const std::string& topic) {
-  return is_positive(camera.raw) || is_rectified(camera, topic);
+Status check_ros_camera(const RosCameraModel& camera, const std::string& topic) {
+  if (is_rectified(camera, topic)) return Done{};
+  if (!camera.unknown_lens.empty()) return Error{Errc::bad_input, camera.unknown_lens};
+  if (is_positive(camera.raw)) return Done{};
+  return Error{Errc::bad_input,
+               "a camera_info without intrinsics, as of a camera that is not calibrated; "
+               "calibrate it"};
 }
 
 void set_ros_camera(const RosCameraModel& camera, const std::string& topic, DepthStreamInfo& info) {

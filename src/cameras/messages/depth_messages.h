@@ -15,7 +15,8 @@ namespace palpate { inline namespace v0 {
 Result<double> scale_of_numbers(const CameraUri& uri);
 
 /// sensor_msgs/CompressedImage of the transport compressedDepth: PNG or RVL of 16UC1 or 32FC1; or
-/// a PNG of 16 bits. Errors: another format, a damaged image.
+/// a PNG of 16 bits, by what the bytes are and whatever their format is called. Errors: another
+/// format, a damaged image.
 Result<DepthFrame> read_compressed_depth(std::string_view message, double unit, double scale = 1);
 
 struct RosCameraModel {
@@ -27,13 +28,14 @@ struct RosCameraModel {
   Region roi;                 ///< what the images show of it, maybe with fewer pixels (binning)
   Intrinsics raw, rectified;  ///< matrix K, and P of the undistorted image; fx = 0: not given
   Distortion distortion;      ///< of the raw image
+  std::string unknown_lens;   ///< why it is not known for the raw image; empty: it is
   friend bool operator==(const RosCameraModel&, const RosCameraModel&) = default;
 };
-/// sensor_msgs/CameraInfo. Errors: a distortion model other than plumb_bob and rational_polynomial,
-/// a damaged message.
+/// sensor_msgs/CameraInfo. Errors: a damaged message.
 Result<RosCameraModel> read_camera_model(std::string_view message);
-/// True if it has intrinsics for images on that topic: a camera that is not calibrated sends 0.
-bool is_calibrated(const RosCameraModel& camera, const std::string& topic);
+/// Errors: it has no intrinsics for images on that topic, as a camera that is not calibrated sends
+/// 0; they are not rectified, and of a lens other than plumb_bob and rational_polynomial.
+Status check_ros_camera(const RosCameraModel& camera, const std::string& topic);
 /// Sets intrinsics and distortion of the images on that topic, for the size that `info` has. Images
 /// of the whole size are taken as whole, whatever the region.
 void set_ros_camera(const RosCameraModel& camera, const std::string& topic, DepthStreamInfo& info);

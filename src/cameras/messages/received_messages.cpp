@@ -43,10 +43,8 @@ void ReceivedMessages::camera_info(std::string_view message) {
     note(model.error().message + "; it is ignored");
     return;
   }
-  if (!is_calibrated(*model, topic_)) {
-    note(
-        "has a camera_info without intrinsics, as of a camera that is not calibrated; it is "
-        "ignored");
+  if (const Status status = check_ros_camera(*model, topic_); !status) {
+    note(status.error().message + "; it is ignored");
     return;
   }
   models_.emplace_back(stamp, *model);

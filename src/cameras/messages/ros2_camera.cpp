@@ -79,6 +79,7 @@ class Ros2Source final : public DepthSource {
     info_topic_ = given == uri.extras.end()
                       ? std::string(ros_parent(ros_image_topic(topic_))) + "/camera_info"
                       : given->second;
+    if (!info_topic_.starts_with('/')) info_topic_.insert(0, "/");
     info_.name = "ros2:" + topic_;
     info_.rate = uri.rate.value_or(30);
     info_.unit = uri.unit.value_or(info_.unit);

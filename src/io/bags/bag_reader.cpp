@@ -56,6 +56,10 @@ Result<std::unique_ptr<BagFile>> open_file(const fs::path& path, std::size_t num
   file.read(bytes, sizeof bytes);
   if (file.bad()) return unreadable(path, 0);
   const std::string_view begin(bytes, static_cast<std::size_t>(file.gcount()));
+  if (begin.empty()) {
+    return Error{Errc::bad_input,
+                 path.string() + " is empty, as of a recorder that was killed; record it again"};
+  }
   if (begin.starts_with(mcap::kMagic)) {
     auto reader = McapReader::open(path);
     if (!reader) return reader.error();
@@ -77,12 +81,30 @@ Result<std::unique_ptr<BagFile>> open_file(const fs::path& path, std::size_t num
                path.string() + " is not a recording (MCAP, ROS 1 .bag or ROS 2 .db3)"};
 }
 
-/// Files that rosbag2 lists, in the order of time. None: it lists no file that exists.
-std::vector<fs::path> noted_files(const fs::path& folder) {
+/// Files of a recording in the order of time, and what is to be said of others that it had.
+struct Files {
+  std::vector<fs::path> paths;
+  std::vector<std::string> notes;
+};
+
+/// Notes for a folder that lacks these parts; none: it lacks none.
+std::vector<std::string> notes_of_lack(const fs::path& folder,
+                                       const std::vector<std::string>& parts) {
+  constexpr std::size_t kMax = 5;
+  if (parts.empty()) return {};
+  std::string note = folder.string() + " lacks parts of its recording: " + parts.front();
+  for (std::size_t i = 1; i < std::min(kMax, parts.size()); ++i) note += ", " + parts[i];
+  if (parts.size() > kMax) note += " and " + std::to_string(parts.size() - kMax) + " more";
+  return {note};
+}
+
+/// Returns those that rosbag2 lists. None: it lists no file that exists.
+Files noted_files(const fs::path& folder) {
   constexpr std::size_t kMaxText = 16 << 20;  // bytes
   const auto text = read_file(folder / "metadata.yaml", kMaxText);
   if (!text) return {};
   std::vector<fs::path> files;
+  std::vector<std::string> absent;
   std::istringstream lines(*text);
   bool is_list = false;
   for (std::string line; std::getline(lines, line);) {
@@ -100,12 +122,15 @@ std::vector<fs::path> noted_files(const fs::path& folder) {
         files.push_back(unpacked);
       } else if (fs::exists(file, ignored)) {
         files.push_back(file);
+      } else {
+        absent.push_back(file.filename().string());
       }
     } else {
       is_list = words == "relative_file_paths:";
     }
   }
-  return files;
+  if (files.empty()) return {};
+  return {std::move(files), notes_of_lack(folder, absent)};
 }
 
 /// "NAME_12.mcap" is part 12 of a recording, whose parts may have other digits in NAME, that of
@@ -130,20 +155,54 @@ std::optional<Part> part_of(const fs::path& path) {
   return part;
 }
 
+/// Returns the numbers that are left out between parts in their order.
+std::vector<std::string> gaps_between(const std::vector<Part>& parts) {
+  std::vector<std::string> gaps;
+  for (std::size_t i = 1; i < parts.size(); ++i) {
+    const Part &a = parts[i - 1], &b = parts[i];
+    if (b.number - a.number < 2) continue;
+    const std::string first = std::to_string(a.number + 1), last = std::to_string(b.number - 1);
+    gaps.push_back("number " + first + (first == last ? "" : " to " + last) + " between " +
+                   a.path.filename().string() + " and " + b.path.filename().string());
+  }
+  return gaps;
+}
+
+/// Leaves out empty files, unless there are no others.
+Files without_empty(Files files) {
+  const auto is_empty = [](const fs::path& path) {
+    std::error_code error;
+    return fs::file_size(path, error) == 0 && !error;
+  };
+  if (std::ranges::all_of(files.paths, is_empty)) return files;
+  std::erase_if(files.paths, [&](const fs::path& path) {
+    if (!is_empty(path)) return false;
+    files.notes.push_back(path.string() +
+                          " is empty, as of a recorder that was killed: it is left out");
+    return true;
+  });
+  return files;
+}
+
 /// The file, or those of a folder: as rosbag2 has noted them, the only one, or the numbered parts
 /// of one recording.
-Result<std::vector<fs::path>> files_of(const fs::path& target) {
+Result<Files> files_of(fs::path target) {
   std::error_code error;
-  if (!fs::is_directory(target, error)) return std::vector{target};
-  std::vector<fs::path> files = noted_files(target);
-  if (!files.empty()) return files;
+  if (target.filename() == "metadata.yaml") {
+    target = target.has_parent_path() ? target.parent_path() : fs::path(".");
+  }
+  if (!fs::is_directory(target, error)) return Files{{target}, {}};
+  if (Files noted = noted_files(target); !noted.paths.empty()) {
+    return without_empty(std::move(noted));
+  }
+  Files files;
   std::vector<Part> parts;
   for (fs::directory_iterator it(target, error), end; !error && it != end; it.increment(error)) {
     fs::path name = it->path().filename();
     if (name.extension() == ".zstd") name = name.stem();
     const fs::path ending = name.extension();
     if (ending != ".mcap" && ending != ".db3" && ending != ".bag") continue;
-    files.push_back(it->path());
+    files.paths.push_back(it->path());
     if (auto part = part_of(it->path())) parts.push_back(*std::move(part));
   }
   if (error) {
@@ -154,22 +213,36 @@ Result<std::vector<fs::path>> files_of(const fs::path& target) {
   const auto is_other = [](const Part& a, const Part& b) {
     return a.recording != b.recording || a.number == b.number;
   };
-  if (files.size() > 1 && parts.size() == files.size() &&
+  const std::size_t num = files.paths.size();
+  if (num > 1 && parts.size() == num &&
       std::ranges::adjacent_find(parts, is_other) == parts.end()) {
-    std::ranges::transform(parts, files.begin(), &Part::path);
-    return files;
+    std::ranges::transform(parts, files.paths.begin(), &Part::path);
+    files.notes = notes_of_lack(target, gaps_between(parts));
+    return without_empty(std::move(files));
   }
-  if (files.size() == 1) return files;
-  return Error{Errc::bad_input, target.string() + " holds " + std::to_string(files.size()) +
-                                    " .mcap, .db3 and .bag files" +
-                                    (files.empty() ? "" : ", not parts of one recording") +
-                                    "; give the one to read"};
+  if (num == 1) return files;
+  return Error{Errc::bad_input,
+               target.string() + " holds " + std::to_string(num) + " .mcap, .db3 and .bag files" +
+                   (num == 0 ? "" : ", not parts of one recording") + "; give the one to read"};
+}
+
+/// "sensor_msgs/Image" of the names "sensor_msgs/msg/Image", "sensor_msgs::msg::Image" and
+/// "sensor_msgs::msg::dds_::Image_"; a name that is none of these as it is.
+std::string plain_type(std::string type) {
+  for (const std::string_view from : {"::", "/msg/", "/dds_/"}) {
+    for (std::size_t at; (at = type.find(from)) != std::string::npos;) {
+      type.replace(at, from.size(), "/");
+      if (from == "/dds_/" && type.ends_with('_')) type.pop_back();
+    }
+  }
+  return type;
 }
 
 /// One file after the other; each numbers its channels as it likes.
 class Recording final : public BagReader {
  public:
-  explicit Recording(std::vector<fs::path> files) : files_(std::move(files)) {}
+  explicit Recording(Files files)
+      : files_(std::move(files.paths)), notes_(std::move(files.notes)) {}
 
   Status open_next() {
     if (file_) was_cut_off_ = was_cut_off();
@@ -201,6 +274,7 @@ class Recording final : public BagReader {
   }
   const std::map<std::uint16_t, McapChannel>& channels() const override { return channels_; }
   bool was_cut_off() const override { return was_cut_off_ || file_->was_cut_off(); }
+  const std::vector<std::string>& notes() const override { return notes_; }
   Status rewind() override {
     num_opened_ = 0;
     return open_next();
@@ -217,7 +291,7 @@ class Recording final : public BagReader {
     const auto found = known_.find(in_file);
     if (found != known_.end()) return &found->second;
     McapChannel channel = file_->channels().at(in_file);
-    std::string type = std::exchange(channel.schema_name, "");
+    std::string type = plain_type(std::exchange(channel.schema_name, ""));
     if (type == "tf/tfMessage") type = "tf2_msgs/TFMessage";  // its name of old
     channel.schema_name = std::ranges::count(type, '/') == 1 ? ros_interface_name(type) : type;
     if (std::exchange(channel.encoding, "cdr") != "ros1") type.clear();
@@ -242,6 +316,7 @@ class Recording final : public BagReader {
   }
 
   const std::vector<fs::path> files_;
+  const std::vector<std::string> notes_;
   KeptChunks kept_;
   std::size_t num_opened_ = 0;
   std::unique_ptr<BagFile> file_;
@@ -259,7 +334,7 @@ Error unreadable(const fs::path& path, std::uint64_t place) {
 }
 
 fs::path first_part_of(const fs::path& file) {
-  const std::vector<fs::path> parts = noted_files(file.parent_path());
+  const std::vector<fs::path> parts = noted_files(file.parent_path()).paths;
   const auto is_it = [&](const fs::path& part) { return part.filename() == file.filename(); };
   const auto found = std::ranges::find_if(parts, is_it);
   return found == parts.end() || found == parts.begin() ? fs::path() : parts.front();

@@ -102,7 +102,10 @@ Status McapReader::Impl::unpack(std::string_view records, std::string_view compr
   }
   const Status unpacked = compression == mcap::kLz4 ? unpack_lz4(records, size, chunk)
                                                     : unpack_zstd(records, size, chunk);
-  if (unpacked || unpacked.error().code != Errc::bad_input) return unpacked;
+  if (unpacked) return unpacked;
+  if (unpacked.error().code != Errc::bad_input) {
+    return Error{unpacked.error().code, path.string() + ": " + unpacked.error().message};
+  }
   return damaged(unpacked.error().message);
 }
 

@@ -1,6 +1,7 @@
 #include "src/io/bags/unpack.h"
 
 #include <zstd.h>
+#include <zstd_errors.h>
 
 #include <algorithm>
 #include <bit>
@@ -120,15 +121,22 @@ Status unpack_zstd(std::string_view packed, std::optional<std::uint64_t> size, s
       context.get(), ZSTD_d_windowLogMax,
       std::max(kUsualWindow, static_cast<int>(std::bit_width(size.value_or(0)))));
   ZSTD_inBuffer from{packed.data(), packed.size(), 0};
-  return fill(packed, size, to, [&](char* place, std::size_t room) -> std::size_t {
+  bool is_too_wide = false;
+  const Status filled = fill(packed, size, to, [&](char* place, std::size_t room) -> std::size_t {
     // A frame may be followed by others, and by some to be skipped.
     ZSTD_outBuffer into{place, room, 0};
     for (std::size_t taken = from.size; into.pos == 0 && taken != from.pos;) {
       taken = from.pos;
-      if (ZSTD_isError(ZSTD_decompressStream(context.get(), &into, &from)) != 0) return 0;
+      const std::size_t status = ZSTD_decompressStream(context.get(), &into, &from);
+      is_too_wide = ZSTD_getErrorCode(status) == ZSTD_error_frameParameter_windowTooLarge;
+      if (ZSTD_isError(status) != 0) return 0;
     }
     return into.pos;
   });
+  if (!is_too_wide) return filled;
+  return Error{Errc::unavailable,
+               "a chunk is compressed with a window of more than 128 MiB; rewrite it with a usual "
+               "one (mcap compress --compression zstd)"};
 }
 
 Status unpack_lz4(std::string_view packed, std::uint64_t size, std::string& to) {

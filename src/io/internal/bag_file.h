@@ -7,6 +7,8 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "src/io/internal/mcap_file.h"
 
@@ -18,8 +20,9 @@ namespace palpate { inline namespace v0 {
 class BagReader {
  public:
   /// Opens a file by its first bytes, or the files of a folder one after the other, if they are
-  /// parts of one recording (by rosbag2's metadata.yaml, or by their numbers). Errors: no such
-  /// file, none of these formats, a missing library (SQLite; see bags/unpack.h).
+  /// parts of one recording (by rosbag2's metadata.yaml, which may be given, too, or by their
+  /// numbers). Errors: no such file, none of these formats, a missing library (SQLite; see
+  /// bags/unpack.h).
   static Result<std::unique_ptr<BagReader>> open(const std::filesystem::path& path);
   virtual ~BagReader() = default;
 
@@ -29,6 +32,8 @@ class BagReader {
   /// Returns the channels met so far.
   virtual const std::map<std::uint16_t, McapChannel>& channels() const = 0;
   virtual bool was_cut_off() const = 0;
+  /// Says which parts of the recording are missing, or empty and left out, by their names.
+  virtual const std::vector<std::string>& notes() const = 0;
   /// Makes the first message the next one. Chunks that took long to unpack are cached. Errors: as
   /// of `open`.
   virtual Status rewind() = 0;
