@@ -22,6 +22,7 @@
 #include "palpate/version.h"
 #include "src/core/internal/guarded.h"
 #include "src/io/internal/atomic_file.h"
+#include "src/io/internal/file_names.h"
 #include "src/io/internal/hashes.h"
 
 namespace palpate::apps {
@@ -47,8 +48,7 @@ Result<std::vector<fs::path>> list_meshes(const fs::path& folder) {
        entry.increment(failed)) {
     const fs::path& path = entry->path();
     std::error_code ignored;
-    if (is_mesh_name(path) && path.filename().string().front() != '.' &&
-        fs::is_regular_file(path, ignored)) {
+    if (is_mesh_name(path) && !is_hidden(path) && fs::is_regular_file(path, ignored)) {
       meshes.push_back(path);
     }
   }

@@ -65,6 +65,9 @@ Result<FrozenViews::Frozen> FrozenViews::Frozen::from_points(const std::string& 
   Frozen frozen;
   frozen.name = file;
   frozen.cloud = std::move(loaded->cloud);
+  if (const std::string doubt = doubt_points(frozen.cloud.view()); !doubt.empty()) {
+    print_warning(file + ": " + doubt);
+  }
   const float* x = frozen.cloud.channel(0);
   frozen.num_usable = static_cast<std::size_t>(
       std::count_if(x, x + frozen.cloud.size(), [](float value) { return !std::isnan(value); }));

@@ -139,6 +139,17 @@ class Queries(CommandLineCase):
         self.expect_failure(2, *query, "--intrinsics", "1,1,1,1", "--intrinsics", "1,1,1,1",
                             *both, "--pose", behind, mentions="--intrinsics")
 
+    def test_points_in_millimeters_are_doubted(self):
+        meters, millimeters = (self.path(f"{name}.ply") for name in ("meters", "millimeters"))
+        write_ply(meters, bumpy_wall())
+        write_ply(millimeters, [(*(1000 * c for c in p[:3]), *p[3:]) for p in bumpy_wall()])
+        query = ("query", self.tool, "--pose", "0 0 0.478 0 0 0 1", "--method", "weighted", "--cloud")
+        for cloud, is_doubted in ((meters, False), (millimeters, True)):
+            result = palpate(*query, cloud)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            for words in ("m away in the middle: are they in meters?", "--camera 'folder:FOLDER?scale=METERS'"):
+                self.assertEqual(words in result.stderr, is_doubted, result.stderr)
+
     def test_query_with_fewer_spheres(self):
         write_ply(self.path("wall.ply"), bumpy_wall())
         self.succeed("pack", self.mesh, "-o", self.path("coarse.palp"), "--spheres", 40)

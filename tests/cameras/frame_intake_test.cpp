@@ -192,5 +192,20 @@ TEST(Plausibility, DoubtsUnitsAndIntrinsicsThatCannotBe) {
   EXPECT_TRUE(has(Plausibility().look(tenfold, model, true), "give scale=METERS"));
 }
 
+TEST(Plausibility, DoubtsPointsThatAreNotInMeters) {
+  const auto doubt = [](float meters, int width) {
+    PointCloud cloud(width, 10);
+    for (std::size_t i = 0; i + 1 < cloud.size(); ++i) {  // the last one is invalid
+      cloud.set(i, {0, 0.001f * meters * static_cast<float>(i % 10), meters}, {0, 0, -1});
+    }
+    return doubt_points(cloud.view());
+  };
+  for (const float usual : {0.2f, 0.5f, 150.0f}) EXPECT_EQ(doubt(usual, 20), "") << usual;
+  EXPECT_TRUE(has(doubt(500, 20), "its points are 500 m away in the middle: are they in meters?"));
+  EXPECT_TRUE(has(doubt(500, 20), "--camera 'folder:FOLDER?scale=METERS'"));
+  EXPECT_TRUE(has(doubt(0.0005f, 20), "0.0005 m away"));
+  EXPECT_EQ(doubt(500, 5), "");  // too few to tell
+}
+
 }  // namespace
 }  // namespace palpate

@@ -119,38 +119,6 @@ TEST(Urdf, LetsJointsFollowOthers) {
             std::string::npos);
 }
 
-TEST(Urdf, FindsShapesAndMeshes) {
-  const TemporaryFolder folder;
-  const auto mesh_folder = folder / "ws" / "my_arm" / "meshes";
-  std::filesystem::create_directories(mesh_folder);
-  ASSERT_TRUE(save_mesh(make_box({0.2, 0.4, 0.6}), mesh_folder / "link.stl"));
-  ASSERT_TRUE(save_mesh(make_box({1, 1, 1}), folder / "beside.obj"));
-  const std::string text =
-      "<robot><link name='l'>"
-      "<visual><geometry><mesh filename='beside.obj'/></geometry></visual>"
-      "<collision><origin xyz='1 0 0' rpy='0 0 1.5707963267948966'/><geometry>"
-      "<mesh filename='package://my_arm/meshes/link.stl' scale='0.5 0.5 "
-      "-2'/></geometry></collision>"
-      "<collision><origin xyz='0 0 9'/><geometry><sphere radius='1'/></geometry></collision>"
-      "</link></robot>";
-  const RobotFolders folders{folder.path(), {folder / "elsewhere", folder / "ws"}};
-  const auto robot = parsed(text, folders);
-  ASSERT_TRUE(robot) << robot.error().message;
-  const Bounds box = bounds(robot->links[0].mesh);
-  EXPECT_NEAR(box.low.z, -0.6, 1e-6);  // 0.6 twice as high
-  EXPECT_NEAR(box.high.z, 10, 0.02);   // a ball around the true one
-  EXPECT_GE(box.high.z, 10);
-  const auto seen = parsed(text, folders, RobotGeometry::visual);
-  ASSERT_TRUE(seen) << seen.error().message;
-  EXPECT_EQ(bounds(seen->links[0].mesh).high, (Vec3d{0.5, 0.5, 0.5}));
-  // The folder of the package itself will do.
-  EXPECT_TRUE(parsed(text, {folder.path(), {folder / "ws" / "my_arm"}}));
-  const auto none = parsed(text, {folder.path(), {folder / "elsewhere"}});
-  ASSERT_FALSE(none);
-  EXPECT_NE(none.error().message.find("elsewhere"), std::string::npos) << none.error().message;
-  EXPECT_NE(none.error().message.find("package://my_arm"), std::string::npos);
-}
-
 TEST(Urdf, SaysWhatIsWrongAndWhere) {
   EXPECT_NE(parsed("<robot><link").error().message.find("line 1"), std::string::npos);
   EXPECT_NE(parsed("solid").error().message.find("robot.urdf"), std::string::npos);

@@ -111,6 +111,22 @@ TEST(CloudPly, RoundTripsAllValidPoints) {
   EXPECT_FALSE(loaded->cloud.view().pinhole);
 }
 
+TEST(CloudFiles, MayBeginWithAByteOrderMark) {
+  const TemporaryFolder folder;
+  const std::string mark = "\xef\xbb\xbf", rows = "0 0 1 7 0 0 -1\n.1 0 1 7 0 0 -1\n";
+  write_bytes(folder / "c.ply",
+              mark + ply("ascii", "element vertex 1\n" + kPlyNames, "1 2 3 0 0 -1\n"));
+  write_bytes(folder / "c.pcd", mark + pcd("F", 4, "ascii", 1, 2, rows));
+  for (const char* name : {"c.ply", "c.pcd"}) {
+    const auto cloud = load_cloud(folder / name);
+    ASSERT_TRUE(cloud.has_value()) << cloud.error().message;
+    EXPECT_FALSE(std::isnan(cloud->cloud.channel(0)[0])) << name;
+  }
+  const auto frame = load_depth_pcd(folder / "c.pcd");
+  ASSERT_TRUE(frame.has_value()) << frame.error().message;
+  EXPECT_EQ(frame->pixels[1], 1000);
+}
+
 TEST(CloudPly, ReadsTextAndBothByteOrdersAndOtherElements) {
   const TemporaryFolder folder;
   const std::string text_elements =

@@ -49,6 +49,7 @@ TEST(DepthFolder, PlainFolderInNaturalOrder) {
     save_numbered(where / "frame_0100.png", 100);
     save_numbered(where / "b.png", 1);
     write_bytes(where / "notes.txt", "not a frame");
+    write_bytes(where / "._b.png", "of an archive of macOS");
     const auto source = open_depth_folder(folder / "a", kOptions);
     ASSERT_TRUE(source.has_value()) << source.error().message;
     EXPECT_EQ((*source)->info().num_frames, 4);
@@ -151,6 +152,8 @@ TEST(DepthFolder, SaysWhatIsWrong) {
                                             ", which is no time in seconds; give seconds");
   }
   expect_bad_list("0 1.png\n5e-324 2.png\n", "depth.txt has timestamps that are not seconds");
+  expect_bad_list("0 1.png\n33333333 1.png\n66666666 1.png\n",
+                  "depth.txt has timestamps that are not seconds; divide nanoseconds by 1e9");
   expect_bad_list("1\n", "line 1 is not");
   expect_bad_list("1 absent.png\n", "no such frame");
 }

@@ -199,6 +199,67 @@ TEST_F(MeshFile, ReadsStripsFansAndPlacedNodesOfGltf) {
   expect_error("m.gltf", uri, "damaged base64");
 }
 
+/// The tetrahedron with morph targets: accessor 0 as offsets adds the positions times the weight,
+/// accessor 4 is sparse, 5 has three vertices.
+std::string morphed_gltf(const std::string& targets, const std::string& mesh,
+                         const std::string& node = "", const std::string& attributes = "") {
+  std::string gltf = tetrahedron_gltf(R"({"mode":5,"attributes":{"POSITION":0)" + attributes +
+                                          R"(},"indices":1,"targets":[)" + targets + "]}",
+                                      node.empty() ? "" : R"(,"weights":)" + node);
+  const auto put = [&](const std::string& before, const std::string& what) {
+    gltf.insert(gltf.find(before), what);
+  };
+  if (!mesh.empty()) put(R"("primitives")", R"("weights":)" + mesh + ",");
+  put(R"(],"bufferViews")",
+      R"(,{"componentType":5126,"type":"VEC3","count":1000,"sparse":{"count":1}},)"
+      R"({"bufferView":0,"componentType":5126,"type":"VEC3","count":3})");
+  return gltf;
+}
+
+TEST_F(MeshFile, MorphTargetsOfGltfMoveVerticesByTheirWeights) {
+  const std::string one = R"({"POSITION":0})", three = one + R"(,{"NORMAL":0},)" + one;
+  const struct {
+    std::string targets, mesh, node;
+    double size;
+  } kMorphed[] = {{one, "", "", 1},         {one, "[1]", "", 2},
+                  {one, "[0.5]", "", 1.5},  {one, "", "[1]", 2},
+                  {one, "[1]", "[0]", 1},   {three, "[0.5,7,-0.25]", "", 1.25},
+                  {three, "[0.5]", "", 1.5}};
+  for (const auto& [targets, mesh, node, size] : kMorphed) {
+    const auto read = load_mesh(write("m.gltf", morphed_gltf(targets, mesh, node)));
+    ASSERT_TRUE(read) << read.error().message;
+    EXPECT_NEAR(mass_properties(*read).volume, size * size * size / 6, 1e-12) << mesh << node;
+  }
+  expect_error("m.gltf", morphed_gltf(one, R"(["a"])"), "'weights' that are not numbers");
+  expect_error("m.gltf", morphed_gltf("0", "[1]"), "no object where 'targets' belongs");
+  expect_error("m.gltf", morphed_gltf(R"({"POSITION":1})", "[1]"), "accessor 1 of positions");
+  expect_error("m.gltf", morphed_gltf(R"({"POSITION":5})", "[1]"), "morph target of 3 vertices");
+}
+
+TEST_F(MeshFile, SparseAccessorsOfGltfMatterWhereTheyAreUsed) {
+  const std::string sparse = R"({"POSITION":4})";
+  for (const std::string& gltf : {morphed_gltf(sparse, ""), morphed_gltf(sparse, "[0]"),
+                                  morphed_gltf("", "", "", R"(,"NORMAL":4)")}) {
+    const auto read = load_mesh(write("m.gltf", gltf));
+    ASSERT_TRUE(read) << read.error().message;
+    EXPECT_NEAR(mass_properties(*read).volume, 1.0 / 6, 1e-12);
+  }
+  expect_error("m.gltf", morphed_gltf(sparse, "[1]"), "the sparse accessor 4, which is not");
+  std::string positions = morphed_gltf("", "");
+  positions.replace(positions.find(R"("POSITION":0)"), 12, R"("POSITION":4)");
+  expect_error("m.gltf", positions, "the sparse accessor 4");
+  std::string indices = morphed_gltf("", "");
+  indices.replace(indices.find(R"("indices":1)"), 11, R"("indices":4)");
+  expect_error("m.gltf", indices, "the sparse accessor 4");
+}
+
+TEST_F(MeshFile, GlbAndGltfMayHaveEachOthersNames) {
+  write("m.bin", gltf_buffer(sample()));
+  expect_same_solid(load_mesh(write("m.gltf", glb(sample()))), sample(), 1e-6, 2);
+  expect_same_solid(load_mesh(write("m.glb", "\n " + gltf_json(sample(), R"("uri":"m.bin",)"))),
+                    sample(), 1e-6, 2);
+}
+
 TEST_F(MeshFile, BuffersOfGltfMayHaveEscapedNames) {
   write("a b%.bin", gltf_buffer(sample()));
   const auto mesh = load_mesh(write("m.gltf", gltf_json(sample(), R"("uri":"a%20b%25.bin",)")));

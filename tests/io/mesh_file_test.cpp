@@ -142,6 +142,45 @@ TEST_F(MeshFile, TriangulatesPolygonsAndSkipsLines) {
   expect_same_solid(off, make_box({0.1, 0.1, 0.1}), 1e-6);
 }
 
+TEST_F(MeshFile, TextMayBeginWithAByteOrderMark) {
+  ASSERT_TRUE(save_mesh(sample(), folder_ / "m.obj"));
+  write("m.bin", gltf_buffer(sample()));
+  for (const auto& [name, content] : {std::pair{"m.obj", text(folder_ / "m.obj")},
+                                      {"m.off", off_text(sample())},
+                                      {"m.ply", ply_text(sample())},
+                                      {"m.stl", stl_text(sample())},
+                                      {"m.gltf", gltf_json(sample(), R"("uri":"m.bin",)")}}) {
+    const auto plain = load_mesh(write(name, content));
+    ASSERT_TRUE(plain) << plain.error().message;
+    const auto marked = load_mesh(write(name, "\xef\xbb\xbf" + content));
+    ASSERT_TRUE(marked) << marked.error().message;
+    EXPECT_EQ(marked->vertices, plain->vertices) << name;
+    EXPECT_EQ(marked->triangles, plain->triangles) << name;
+  }
+}
+
+TEST_F(MeshFile, FacesOfAPlyMayComeBeforeItsVertices) {
+  ASSERT_TRUE(save_mesh(sample(), folder_ / "m.ply"));
+  const std::string content = text(folder_ / "m.ply"), end = "end_header\n";
+  const std::string body = content.substr(content.find(end) + end.size());
+  const std::size_t vertex_bytes = 24 * sample().vertices.size();
+  const auto turned = load_mesh(
+      write("turned.ply", "ply\nformat binary_little_endian 1.0\nelement face " +
+                              std::to_string(sample().triangles.size()) +
+                              "\nproperty list uchar int vertex_indices\nelement vertex " +
+                              std::to_string(sample().vertices.size()) +
+                              "\nproperty double x\nproperty double y\nproperty double z\n" + end +
+                              body.substr(vertex_bytes) + body.substr(0, vertex_bytes)));
+  ASSERT_TRUE(turned) << turned.error().message;
+  EXPECT_EQ(turned->vertices, sample().vertices);
+  EXPECT_EQ(turned->triangles, sample().triangles);
+  expect_error("wrong.ply",
+               "ply\nformat ascii 1.0\nelement face 2\nproperty list uchar int vertex_indices\n"
+               "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+               "end_header\n3 0 1 2\n3 0 1 9\n0 0 0\n1 0 0\n0 1 0\n",
+               "in face 1: vertex 9 of 3");
+}
+
 TEST_F(MeshFile, BadArgumentsAreErrors) {
   EXPECT_EQ(load_mesh(folder_ / "absent.obj").error().code, Errc::not_found);
   const auto unknown = load_mesh(write("m.xyz", "hello"));
@@ -173,7 +212,7 @@ TEST_F(MeshFile, DamagedFilesAreErrors) {
   expect_error("m.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n", "vertex -1 of 3");
   expect_error("m.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n2 0 1    \n", "only 2 corners");
   expect_error("m.off", "OFF\n3 1 0\n0 0 0\n1 0 x\n0 1 0\n3 0 1 2\n", "vertex 1");
-  expect_error("m.off", "OFF BINARY\n", "text OFF");
+  expect_error("m.off", "OFF BINARY\n", "is a binary OFF file");
   expect_error("m.off", "OFF\n4000000000 4000000000 0\n0 0 0\n", "announces");
   std::string ply = ply_text(make_octahedron(0.1));
   expect_error("m.ply", ply.substr(0, ply.size() - 8), "truncated");

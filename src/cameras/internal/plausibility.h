@@ -4,6 +4,7 @@
 #include <array>
 #include <string>
 
+#include "palpate/cloud/point_cloud.h"
 #include "src/cloud/internal/lens_table.h"
 
 namespace palpate { inline namespace v0 {
@@ -19,6 +20,9 @@ class Plausibility {
   static constexpr int kNumLooks = 3;
   int num_looks_ = 0;
 };
+
+/// Doubts the unit of points in meters, seen from the origin; empty if there is nothing to doubt.
+std::string doubt_points(const PointCloudView& cloud);
 
 /// The largest number that divides the counts of nearly all measurements, of those that people
 /// store depth in: 1, 5 or 8. An image of millimeters that was stored as counts of 1/5000 m has

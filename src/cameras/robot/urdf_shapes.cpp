@@ -6,8 +6,10 @@
 #include <cstdint>
 #include <string_view>
 #include <system_error>
+#include <utility>
 
 #include "palpate/io/formats.h"
+#include "src/io/internal/file_names.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -84,7 +86,10 @@ Result<TriangleMesh> UrdfShapes::mesh_of(const Element& shape) {
     return bad(shape, "<mesh> has a scale of zero: nothing would be left of it; write 1 1 1");
   }
   lacks_mesh_ = true;
-  const auto path = find(*filename);
+  auto path = find(*filename);
+  if (const std::string plain = unescaped(*filename); !path && plain != *filename) {
+    if (auto other = find(plain)) path = std::move(other);
+  }
   if (!path) return bad(shape, path.error().message);
   const auto unscaled = meshes_.get(*path, [](const fs::path& file) { return load_mesh(file); });
   if (!unscaled) return bad(shape, unscaled.error().message);
@@ -98,10 +103,15 @@ Result<TriangleMesh> UrdfShapes::mesh_of(const Element& shape) {
 }
 
 Result<fs::path> UrdfShapes::find(const std::string& filename) const {
-  constexpr std::string_view kPackage = "package://", kFile = "file://";
+  const std::string_view name = filename;
+  if (name.starts_with("$(")) {
+    return Error{Errc::bad_input, "the mesh " + shown(filename) +
+                                      " is named as in xacro; turn the robot into URDF first "
+                                      "(xacro FILE > robot.urdf)"};
+  }
   std::error_code ignored;
-  if (filename.starts_with(kPackage)) {
-    const fs::path inside(filename.substr(kPackage.size()));
+  if (name.starts_with("package://") || name.starts_with("model://")) {
+    const fs::path inside(name.substr(name.find("//") + 2));
     std::string tried;
     for (const fs::path& folder : folders_.packages) {
       // A folder of packages, or that of the package itself.
@@ -119,7 +129,11 @@ Result<fs::path> UrdfShapes::find(const std::string& filename) const {
                                       "; give the folder that contains " +
                                       shown(inside.begin()->string()) + "/ (--robot-packages DIR)"};
   }
-  const fs::path plain(filename.starts_with(kFile) ? filename.substr(kFile.size()) : filename);
+  const auto without = [](std::string_view start, std::string_view text) {
+    return text.starts_with(start) ? text.substr(start.size()) : text;
+  };
+  const bool is_uri = name.starts_with("file:");
+  const fs::path plain(is_uri ? without("//", without("file:", name)) : name);
   const fs::path path = plain.is_absolute() ? plain : folders_.beside / plain;
   if (fs::is_regular_file(path, ignored)) return path;
   return Error{Errc::not_found, "there is no mesh " + shown(path.string())};

@@ -31,7 +31,7 @@ class UrdfShapes : UrdfAttributes {
   /// Returns the mesh of a shape. Round ones are drawn around the true shape, not into it.
   Result<TriangleMesh> shape_of(const Element& shape);
   Result<TriangleMesh> mesh_of(const Element& shape);
-  /// Finds a file by "package://NAME/...", "file:///..." or a plain path.
+  /// Finds a file by "package://NAME/...", "model://NAME/...", "file:///..." or a plain path.
   Result<std::filesystem::path> find(const std::string& filename) const;
 
   const RobotFolders& folders_;

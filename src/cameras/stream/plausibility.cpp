@@ -11,16 +11,22 @@ namespace {
 
 bool is_measurement(int count) { return count != 0 && count != kFarCount; }
 
+/// The middle one; 0: there are too few.
+template <class Number>
+Number median(std::vector<Number>& numbers) {
+  if (numbers.size() < 100) return 0;
+  const auto middle = numbers.begin() + static_cast<std::ptrdiff_t>(numbers.size() / 2);
+  std::nth_element(numbers.begin(), middle, numbers.end());
+  return *middle;
+}
+
 /// Depth of the middle of all measurements, m; 0: there are too few.
 double median_depth(const DepthFrame& frame) {
   std::vector<std::uint16_t> counts;
   for (const std::uint16_t count : frame.pixels) {
     if (is_measurement(count)) counts.push_back(count);
   }
-  if (counts.size() < 100) return 0;
-  const auto middle = counts.begin() + static_cast<std::ptrdiff_t>(counts.size() / 2);
-  std::nth_element(counts.begin(), middle, counts.end());
-  return *middle * frame.unit;
+  return median(counts) * frame.unit;
 }
 
 std::string doubt_intrinsics(const CameraModel& model) {
@@ -88,15 +94,14 @@ std::string doubt_unit(const DepthFrame& frame) {
   return text;
 }
 
-std::string doubt_scale(const DepthFrame& frame) {
+/// `depth`: of the middle of the points, m; 0: there are too few. `remedy`: goes on after "Else".
+std::string doubt_scale(double depth, const char* remedy) {
   constexpr double kFarthest = 200, kNearest = 0.1;  // m, of the middle of what scanners see
-  const double depth = median_depth(frame);
   if (depth == 0 || (depth >= kNearest && depth <= kFarthest)) return {};
-  char text[160];
+  char text[240];
   std::snprintf(text, sizeof text,
-                "its points are %.3g m away in the middle: are they in meters? Else give "
-                "scale=METERS, e.g. scale=0.001",
-                depth);
+                "its points are %.3g m away in the middle: are they in meters? Else %s", depth,
+                remedy);
   return text;
 }
 
@@ -121,11 +126,24 @@ int common_divisor(const DepthFrame& frame) {
   return 1;
 }
 
+std::string doubt_points(const PointCloudView& cloud) {
+  std::vector<float> distances;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    if (!std::isnan(cloud.x[i]))
+      distances.push_back(norm(Vec3f{cloud.x[i], cloud.y[i], cloud.z[i]}));
+  }
+  return doubt_scale(median(distances),
+                     "write the file in meters, or give its folder as a camera with "
+                     "--camera 'folder:FOLDER?scale=METERS', e.g. scale=0.001");
+}
+
 std::string Plausibility::look(const DepthFrame& frame, const CameraModel& model,
                                bool is_projected) {
   if (num_looks_ >= kNumLooks) return {};
   std::string doubt = num_looks_ == 0 && !is_projected ? doubt_intrinsics(model) : "";
-  const std::string unit = is_projected ? doubt_scale(frame) : doubt_unit(frame);
+  const std::string unit =
+      is_projected ? doubt_scale(median_depth(frame), "give scale=METERS, e.g. scale=0.001")
+                   : doubt_unit(frame);
   if (!unit.empty()) doubt += (doubt.empty() ? "" : "; ") + unit;
   num_looks_ = doubt.empty() ? num_looks_ + 1 : kNumLooks;
   return doubt;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <vector>
 
 #include "palpate/cloud/depth_source.h"
 
@@ -15,6 +16,22 @@ inline constexpr double kLargestTimeStamp = 1e10;
 
 /// False for NaN, too.
 inline bool is_in_seconds(double time_stamp) { return std::abs(time_stamp) <= kLargestTimeStamp; }
+
+/// Longest usual step of times in seconds, s: a longer one has another unit.
+inline constexpr double kLongestUsualStep = 1e4;
+
+/// Returns the median of the steps from each entry to the next one; 0 for a single one.
+template <class Timed>
+double usual_step(const std::vector<Timed>& entries) {
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < entries.size(); ++i) {
+    steps.push_back(entries[i].time - entries[i - 1].time);
+  }
+  if (steps.empty()) return 0;
+  const auto middle = steps.begin() + std::ssize(steps) / 2;
+  std::ranges::nth_element(steps, middle);
+  return *middle;
+}
 
 /// m per count.
 inline constexpr double kLargestUnit = 1;

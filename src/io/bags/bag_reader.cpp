@@ -10,6 +10,7 @@
 #include "src/io/bags/mcap_format.h"
 #include "src/io/bags/unpack.h"
 #include "src/io/internal/atomic_file.h"
+#include "src/io/internal/file_names.h"
 #include "src/io/internal/ros_types.h"
 
 namespace palpate { inline namespace v0 {
@@ -199,6 +200,7 @@ Result<Files> files_of(fs::path target) {
   std::vector<Part> parts;
   for (fs::directory_iterator it(target, error), end; !error && it != end; it.increment(error)) {
     fs::path name = it->path().filename();
+    if (is_hidden(name)) continue;
     if (name.extension() == ".zstd") name = name.stem();
     const fs::path ending = name.extension();
     if (ending != ".mcap" && ending != ".db3" && ending != ".bag") continue;

@@ -10,6 +10,7 @@
 #include "src/io/clouds/cloud_columns.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/io/internal/cloud_folder.h"
+#include "src/io/internal/text_scanner.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -49,8 +50,15 @@ std::string words_of_eye(const std::filesystem::path& path, const Vec3d& eye,
   return *text == '\0' ? "" : path.string() + text;
 }
 
-Result<std::string> read_cloud_file(const std::filesystem::path& path) {
+/// Reads a file without the byte order mark that a text may begin with.
+Result<std::string> read_unmarked(const std::filesystem::path& path) {
   auto content = read_file(path);
+  if (content) content->erase(0, content->size() - without_mark(*content).size());
+  return content;
+}
+
+Result<std::string> read_cloud_file(const std::filesystem::path& path) {
+  auto content = read_unmarked(path);
   if (content && !is_ply(*content) && !is_pcd(*content))
     return in_file(path, "is neither a PLY nor a PCD file; give a cloud in one of these formats");
   return content;
@@ -115,7 +123,7 @@ Result<PointsFile> load_points(const std::filesystem::path& path, double scale, 
 Result<DepthFrame> load_depth_pcd(const std::filesystem::path& path, double unit) {
   if (!(unit > 0) || !std::isfinite(unit))
     return Error{Errc::invalid_argument, "the depth unit must be positive meters per count"};
-  const auto content = read_file(path);
+  const auto content = read_unmarked(path);
   if (!content) return content.error();
   if (!is_pcd(*content)) return in_file(path, "is not a PCD file; give one");
   const auto columns = read_pcd_columns(*content, std::span(kPcdNames).subspan(2, 1));

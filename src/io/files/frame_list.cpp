@@ -8,6 +8,7 @@
 
 #include "src/cloud/internal/frame_limits.h"
 #include "src/io/internal/atomic_file.h"
+#include "src/io/internal/file_names.h"
 #include "src/io/internal/text_scanner.h"
 
 namespace palpate { inline namespace v0 {
@@ -81,7 +82,7 @@ Result<std::vector<FrameEntry>> list_files(const fs::path& folder, double rate, 
   std::vector<FrameEntry> entries;
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
     std::string path = it->path().string();
-    if (is_frame(path)) entries.push_back({0, std::move(path)});
+    if (!is_hidden(it->path()) && is_frame(path)) entries.push_back({0, std::move(path)});
   }
   if (error)
     return Error{Errc::io_failure, "cannot list " + folder.string() + ": " + error.message() +
@@ -122,8 +123,10 @@ Result<FrameList> list_frames(const fs::path& folder, double rate) {
   if (is_tum && list.entries.size() > 1) {
     list.rate = static_cast<double>(list.entries.size() - 1) /
                 (list.entries.back().time - list.entries.front().time);
-    if (!(list.rate > 0) || !std::isfinite(list.rate))
-      return bad(folder / "depth.txt", "has timestamps that are not seconds; correct them");
+    if (!(list.rate > 0) || !std::isfinite(list.rate) ||
+        usual_step(list.entries) > kLongestUsualStep)
+      return bad(folder / "depth.txt",
+                 "has timestamps that are not seconds; divide nanoseconds by 1e9");
   }
   return list;
 }

@@ -41,7 +41,6 @@ std::optional<Pose> pose_of_line(std::span<const double, 7> v) {
       normalized(Quaternion{v[3] / largest, v[4] / largest, v[5] / largest, v[6] / largest})};
 }
 
-constexpr double kLongestStep = 1e4;  // s, of most poses to the next one
 constexpr const char* kNoSeconds =
     ", as if in nanoseconds or the like; times are in seconds: divide nanoseconds by 1e9";
 
@@ -49,18 +48,6 @@ std::string shown(double number) {
   char text[32];
   std::snprintf(text, sizeof text, "%.6g", number);
   return text;
-}
-
-/// Median, from each pose to the next one; 0 for a single one.
-double usual_step(const std::vector<TimedPose>& poses) {
-  std::vector<double> steps;
-  for (std::size_t i = 1; i < poses.size(); ++i) {
-    steps.push_back(poses[i].time - poses[i - 1].time);
-  }
-  if (steps.empty()) return 0;
-  const auto middle = steps.begin() + std::ssize(steps) / 2;
-  std::ranges::nth_element(steps, middle);
-  return *middle;
 }
 
 }  // namespace
@@ -89,7 +76,7 @@ Result<std::vector<TimedPose>> load_trajectory(const std::filesystem::path& path
   if (poses.empty())
     return Error{Errc::bad_input,
                  path.string() + " has no pose; a line is 't tx ty tz qx qy qz qw'"};
-  if (const double step = usual_step(poses); step > kLongestStep) {
+  if (const double step = usual_step(poses); step > kLongestUsualStep) {
     return Error{Errc::bad_input,
                  path.string() + " has times that lie " + shown(step) + " apart" + kNoSeconds};
   }

@@ -26,8 +26,8 @@ bool is_cloud_name(const std::string& path);
 
 /// Frames by a file depth.txt of "timestamp path" lines, as the TUM RGB-D benchmark has them, or
 /// all PNGs of the folder, else of its subfolder "depth", else all PCD and PLY files of the folder,
-/// in name order ("frame2" before "frame10") at `rate`. Errors: no such folder, no frames, a bad
-/// list.
+/// in name order ("frame2" before "frame10") at `rate`, without hidden ones. Errors: no such
+/// folder, no frames, a bad list.
 Result<FrameList> list_frames(const std::filesystem::path& folder, double rate);
 /// open_depth_folder, of the PNGs of a list of that folder.
 Result<std::unique_ptr<DepthSource>> open_depth_folder(const std::filesystem::path& folder,

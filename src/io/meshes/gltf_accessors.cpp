@@ -6,6 +6,7 @@
 
 #include "src/io/internal/atomic_file.h"
 #include "src/io/internal/base64.h"
+#include "src/io/internal/file_names.h"
 #include "src/io/meshes/little_endian.h"
 
 namespace palpate { inline namespace v0 { namespace gltf {
@@ -13,26 +14,6 @@ namespace {
 
 constexpr std::size_t kMaxBufferBytes = std::size_t(2) << 30;
 constexpr std::uint64_t kByte = 5121, kShort = 5123, kInt = 5125, kFloat = 5126;  // unsigned ones
-
-/// Resolves the escapes of a URI ("%20"); others stay as they are.
-std::string unescaped(std::string_view uri) {
-  const auto digit = [](char c) {
-    return c >= '0' && c <= '9'   ? c - '0'
-           : c >= 'a' && c <= 'f' ? c - 'a' + 10
-           : c >= 'A' && c <= 'F' ? c - 'A' + 10
-                                  : -1;
-  };
-  std::string text;
-  for (std::size_t i = 0; i < uri.size(); ++i) {
-    if (uri[i] == '%' && i + 2 < uri.size() && digit(uri[i + 1]) >= 0 && digit(uri[i + 2]) >= 0) {
-      text += static_cast<char>(16 * digit(uri[i + 1]) + digit(uri[i + 2]));
-      i += 2;
-    } else {
-      text += uri[i];
-    }
-  }
-  return text;
-}
 
 std::string data_of(std::string_view uri) {
   const std::size_t comma = uri.find(',');
@@ -121,6 +102,12 @@ std::size_t num_components(std::string_view type) {
 
 }  // namespace
 
+void Accessor::require_plain() const {
+  if (!is_sparse) return;
+  throw Fault{"has the sparse " + item("accessor", number) +
+              ", which is not supported; save plain accessors"};
+}
+
 bool Accessor::is_positions() const { return type == "VEC3" && component == kFloat; }
 
 bool Accessor::is_indices() const {
@@ -170,13 +157,12 @@ Accessors::Accessors(const Json& root, std::string_view bin, const std::filesyst
   for (const Json& described_accessor : list(root, "accessors")) {
     const std::string name = item("accessor", all_.size());
     Accessor accessor;
+    accessor.number = all_.size();
     accessor.count = whole_member(described_accessor, "count").value_or(0);
     accessor.component = whole_member(described_accessor, "componentType").value_or(0);
     accessor.type = described_accessor.value("type", "");
     const auto offset = whole_member(described_accessor, "byteOffset").value_or(0);
-    if (described_accessor.contains("sparse")) {
-      throw Fault{"has the sparse " + name + ", which is not supported; save plain accessors"};
-    }
+    accessor.is_sparse = described_accessor.contains("sparse");
     const std::size_t bytes = component_bytes(accessor.component) * num_components(accessor.type);
     if (bytes == 0) throw Fault{"has " + name + " of an unknown type"};
     std::size_t available = num_file_bytes;
@@ -186,6 +172,9 @@ Accessors::Accessors(const Json& root, std::string_view bin, const std::filesyst
       available = view.bytes.size();
       if (view.stride != 0) accessor.stride = view.stride;
       accessor.data = view.bytes.data() + std::min<std::uint64_t>(offset, available);
+    } else if (accessor.is_sparse) {  // its numbers lie elsewhere
+      all_.push_back(std::move(accessor));
+      continue;
     }
     const auto last = static_cast<double>(offset) + (static_cast<double>(accessor.count) - 1) *
                                                         static_cast<double>(accessor.stride);

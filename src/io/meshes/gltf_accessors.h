@@ -20,7 +20,11 @@ struct Accessor {
   std::size_t count = 0;       ///< elements
   std::uint64_t component = 0;
   std::string type;
+  std::size_t number = 0;  ///< in the file
+  bool is_sparse = false;  ///< its numbers are not read
 
+  /// Throws a Fault if it is sparse.
+  void require_plain() const;
   bool is_positions() const;  ///< three floats each
   bool is_indices() const;    ///< unsigned whole numbers
   Vec3d position(std::size_t i) const;

@@ -1,12 +1,15 @@
 // Meshes of glTF 2.0 files: the triangles of all meshes that the nodes of a scene place, joined.
 //
-// Materials, skins, animations, points and lines are left out, as they have no shape. Nodes are
-// trees of bounded depth, counts are bounded by the size of the file, and what may change shapes
-// and is not supported is refused by name.
+// Materials, skins, animations, points and lines are left out, as they have no shape. Morph targets
+// move vertices by the weights of the node or the mesh. Nodes are trees of bounded depth, counts
+// are bounded by the size of the file, and what may change shapes and is not supported is refused
+// by name.
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "src/io/internal/json_shape.h"
@@ -57,9 +60,15 @@ void check_extensions(const Json& root) {
 
 // Meshes.
 
+struct MorphTarget {
+  std::size_t number = 0;  ///< that of its weight
+  const Accessor* offsets = nullptr;
+};
+
 struct Primitive {
   std::uint64_t mode = kTriangles;
   const Accessor* positions = nullptr;
+  std::vector<MorphTarget> targets;   ///< those that move positions
   const Accessor* indices = nullptr;  ///< null: positions in their order
 
   std::size_t num_corners() const { return (indices ? indices : positions)->count; }
@@ -70,23 +79,37 @@ struct Primitive {
 
 struct Mesh {
   std::vector<Primitive> primitives;  ///< with triangles
+  std::vector<double> weights;        ///< of morph targets, unless a node has its own
   double num_elements = 1;            ///< vertices and indices, of everything in it
 };
 
-void check_types(const Json& described, const Primitive& primitive) {
-  if (!primitive.positions->is_positions()) {
-    throw Fault{"has " + item("accessor", whole(described["attributes"]["POSITION"], "POSITION")) +
-                " of positions that are not three floats each (as by KHR_mesh_quantization), which "
-                "is not supported; save it without quantization"};
+void check_positions(const Accessor& positions) {
+  positions.require_plain();
+  if (positions.is_positions()) return;
+  throw Fault{"has " + item("accessor", positions.number) +
+              " of positions that are not three floats each (as by KHR_mesh_quantization), which "
+              "is not supported; save it without quantization"};
+}
+
+void check_indices(const Accessor& indices) {
+  indices.require_plain();
+  if (indices.is_indices()) return;
+  throw Fault{"has " + item("accessor", indices.number) + " of indices that are not whole numbers"};
+}
+
+/// Returns the weights of a mesh or a node; none if it has none.
+std::vector<double> weights_of(const Json& object) {
+  std::vector<double> weights;
+  for (const Json& weight : list(object, "weights")) {
+    if (!weight.is_number()) throw Fault{"has 'weights' that are not numbers"};
+    weights.push_back(weight.get<double>());
   }
-  if (primitive.indices && !primitive.indices->is_indices()) {
-    throw Fault{"has " + item("accessor", whole(described["indices"], "indices")) +
-                " of indices that are not whole numbers"};
-  }
+  return weights;
 }
 
 Mesh mesh_of(const Json& described, const Accessors& accessors) {
   Mesh mesh;
+  mesh.weights = weights_of(described);
   const auto find = [&](const Json& number) {
     return &accessors[index_into(accessors.size(), whole(number, "accessor"), "accessor")];
   };
@@ -101,20 +124,28 @@ Mesh mesh_of(const Json& described, const Accessors& accessors) {
       primitive.indices = find(*indices);
       mesh.num_elements += static_cast<double>(primitive.indices->count);
     }
-    Json groups = list(entry, "targets");
-    const auto attributes = entry.find("attributes");
-    if (attributes != entry.end()) groups.push_back(*attributes);
-    for (const Json& group : groups) {
-      for (const Json& number : group)
+    const auto count = [&](const Json& group) {
+      for (const Json& number : group) {
         mesh.num_elements += static_cast<double>(find(number)->count);
+      }
+    };
+    const Json& targets = list(entry, "targets");
+    for (std::size_t i = 0; i < targets.size(); ++i) {
+      require_object(targets[i], "targets");
+      count(targets[i]);
+      ++mesh.num_elements;
+      if (const auto offsets = targets[i].find("POSITION"); offsets != targets[i].end()) {
+        primitive.targets.push_back({i, find(*offsets)});
+      }
     }
+    const auto attributes = entry.find("attributes");
+    if (attributes != entry.end()) count(*attributes);
     if (primitive.mode < kTriangles || attributes == entry.end()) continue;
     require_object(*attributes, "attributes");
     if (!attributes->contains("POSITION")) continue;
     primitive.positions = find((*attributes)["POSITION"]);
     if (primitive.num_corners() < 3) continue;
-    check_types(entry, primitive);
-    mesh.primitives.push_back(primitive);
+    mesh.primitives.push_back(std::move(primitive));
   }
   return mesh;
 }
@@ -235,10 +266,29 @@ std::vector<std::size_t> check_nodes(const Json& root, const std::vector<Mesh>& 
   return roots;
 }
 
+/// Returns the targets that move vertices, each after its weight.
+std::vector<std::pair<double, const Accessor*>> moving_targets(const Primitive& primitive,
+                                                               std::span<const double> weights) {
+  std::vector<std::pair<double, const Accessor*>> moving;
+  for (const auto& [number, offsets] : primitive.targets) {
+    if (number >= weights.size() || weights[number] == 0) continue;
+    check_positions(*offsets);
+    if (offsets->count != primitive.positions->count) {
+      throw Fault{"has a morph target of " + std::to_string(offsets->count) + " vertices for " +
+                  std::to_string(primitive.positions->count)};
+    }
+    moving.emplace_back(weights[number], offsets);
+  }
+  return moving;
+}
+
 /// Adds the placed triangles of a primitive, and those of its vertices that they use, in the order
 /// of the file.
-void add_primitive(const Primitive& primitive, const Placement& placement, TriangleMesh& mesh) {
+void add_primitive(const Primitive& primitive, std::span<const double> weights,
+                   const Placement& placement, TriangleMesh& mesh) {
   constexpr std::uint32_t kUnused = UINT32_MAX;
+  check_positions(*primitive.positions);
+  if (primitive.indices) check_indices(*primitive.indices);
   const bool is_list = primitive.mode == kTriangles, is_mirrored = placement.is_mirrored();
   const std::size_t num_corners = primitive.num_corners();
   if (is_list && num_corners % 3 != 0) {
@@ -248,10 +298,13 @@ void add_primitive(const Primitive& primitive, const Placement& placement, Trian
   for (std::size_t i = 0; i < num_corners; ++i) {
     added[index_into(added.size(), primitive.corner(i), "vertex")] = 0;
   }
+  const auto targets = moving_targets(primitive, weights);
   for (std::size_t i = 0; i < added.size(); ++i) {
     if (added[i] == kUnused) continue;
     added[i] = static_cast<std::uint32_t>(mesh.vertices.size());
-    mesh.vertices.push_back(placement(primitive.positions->position(i)));
+    Vec3d p = primitive.positions->position(i);
+    for (const auto& [weight, offsets] : targets) p += offsets->position(i) * weight;
+    mesh.vertices.push_back(placement(p));
   }
   const auto vertex = [&](std::size_t corner) { return added[primitive.corner(corner)]; };
   const std::size_t num_triangles = is_list ? num_corners / 3 : num_corners - 2;
@@ -270,8 +323,10 @@ void add_node(const Json& nodes, std::size_t i, const Placement& parent,
               const std::vector<Mesh>& meshes, TriangleMesh& mesh) {
   const Placement placement = parent * placement_of(nodes[i]);
   if (const auto number = whole_member(nodes[i], "mesh")) {
-    for (const Primitive& primitive : meshes[*number].primitives) {
-      add_primitive(primitive, placement, mesh);
+    const Mesh& placed = meshes[*number];
+    const std::vector<double> own = weights_of(nodes[i]);
+    for (const Primitive& primitive : placed.primitives) {
+      add_primitive(primitive, own.empty() ? placed.weights : own, placement, mesh);
     }
   }
   for (const Json& child : list(nodes[i], "children")) {

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "src/io/internal/atomic_file.h"
+#include "src/io/internal/text_scanner.h"
 #include "src/io/meshes/mesh_parsers.h"
 
 namespace palpate { inline namespace v0 {
@@ -23,12 +24,19 @@ std::string extension_of(const std::filesystem::path& path) {
 
 Result<TriangleMesh> parse(const std::filesystem::path& path, const std::string& extension,
                            std::string_view content) {
-  if (extension == ".obj") return parse_obj_mesh(content);
-  if (extension == ".ply") return parse_ply_mesh(content);
-  if (extension == ".off") return parse_off_mesh(content);
-  if (extension == ".glb") return parse_glb(content, path.parent_path());
-  if (extension == ".gltf") return parse_gltf(content, {}, path.parent_path(), content.size());
-  return is_text_stl(content) ? parse_text_stl(content) : parse_binary_stl(content);
+  const std::string_view text = without_mark(content);
+  if (extension == ".obj") return parse_obj_mesh(text);
+  if (extension == ".ply") return parse_ply_mesh(text);
+  if (extension == ".off") return parse_off_mesh(text);
+  if (extension == ".stl") {
+    return is_text_stl(text) ? parse_text_stl(text) : parse_binary_stl(content);
+  }
+  // Some call a .glb .gltf, or a .gltf .glb.
+  std::string_view words = text;
+  const bool is_json = take_word(words).starts_with('{');
+  const bool is_glb = extension == ".glb" ? !is_json : content.starts_with("glTF");
+  if (is_glb) return parse_glb(content, path.parent_path());
+  return parse_gltf(text, {}, path.parent_path(), content.size());
 }
 
 }  // namespace

@@ -25,6 +25,9 @@ Result<TriangleMesh> parse_off_mesh(std::string_view content) {
   if (magic != "OFF" && magic != "COFF" && magic != "NOFF" && magic != "CNOFF") {
     return bad_input("does not start with the word OFF");
   }
+  if (std::string_view beside = line; take_word(beside) == "BINARY") {
+    return bad_input("is a binary OFF file, not a text OFF file; save it as text");
+  }
   // The counts stand beside the magic word or on the next line.
   std::string_view counts =
       line.find_first_not_of(" \t") != std::string_view::npos ? line : take_content_line(content);

@@ -1,5 +1,6 @@
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "src/io/clouds/ply_format.h"
@@ -39,6 +40,24 @@ bool read_row(const PlyElement& element, PlyValues& values, Row& row) {
   return true;
 }
 
+/// Reads the rows of an element: vertices into the mesh, faces by `polygons`; null: only passes
+/// over them.
+Status read_rows(const PlyElement& element, PlyValues& values, TriangleMesh& mesh,
+                 PolygonCutter* polygons) {
+  const bool is_vertex = element.name == "vertex";
+  Row row;
+  for (std::uint64_t i = 0; i < element.count; ++i) {
+    if (!read_row(element, values, row)) {
+      return bad_input("is truncated or damaged at '" + element.name + "' " + std::to_string(i) +
+                       " of " + std::to_string(element.count));
+    }
+    if (is_vertex) mesh.vertices.push_back(row.point);
+    if (polygons == nullptr) continue;
+    if (auto error = polygons->add(row.indices, " in face " + std::to_string(i))) return *error;
+  }
+  return Done{};
+}
+
 bool has_property(const PlyElement& element, std::string_view name) {
   for (const PlyProperty& property : element.properties) {
     if (property.name == name) return true;
@@ -54,7 +73,7 @@ Result<TriangleMesh> parse_ply_mesh(std::string_view content) {
   PlyValues values(content, header->encoding);
   TriangleMesh mesh;
   PolygonCutter polygons(mesh);
-  Row row;
+  std::vector<std::pair<const PlyElement*, PlyValues>> early_faces;  // before the vertices
   for (const PlyElement& element : header->elements) {
     if (element.properties.empty()) continue;
     if (auto error = check_ply_count(element, values)) return *error;
@@ -65,14 +84,15 @@ Result<TriangleMesh> parse_ply_mesh(std::string_view content) {
     }
     if (is_vertex) mesh.vertices.reserve(element.count);
     if (is_face) mesh.triangles.reserve(element.count);
-    for (std::uint64_t i = 0; i < element.count; ++i) {
-      if (!read_row(element, values, row)) {
-        return bad_input("is truncated or damaged at '" + element.name + "' " + std::to_string(i) +
-                         " of " + std::to_string(element.count));
-      }
-      if (is_vertex) mesh.vertices.push_back(row.point);
-      if (!is_face) continue;
-      if (auto error = polygons.add(row.indices, " in face " + std::to_string(i))) return *error;
+    const bool is_early = is_face && mesh.vertices.empty();
+    if (is_early) early_faces.emplace_back(&element, values);
+    const Status status =
+        read_rows(element, values, mesh, is_face && !is_early ? &polygons : nullptr);
+    if (!status) return status.error();
+  }
+  for (auto& [element, rows] : early_faces) {
+    if (const Status status = read_rows(*element, rows, mesh, &polygons); !status) {
+      return status.error();
     }
   }
   return mesh;

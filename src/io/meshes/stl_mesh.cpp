@@ -39,7 +39,6 @@ std::optional<Vec3d> take_vertex(std::string_view& line) {
 bool is_text_stl(std::string_view content) {
   constexpr std::size_t kHead = 1024;  // of a binary one, in which there are zeros
   if (content.substr(0, kHead).find('\0') != std::string_view::npos) return false;
-  content = without_mark(content);
   while (!content.empty()) {
     std::string_view line = take_line(content);
     const std::string_view word = take_word(line);
@@ -53,7 +52,6 @@ Result<TriangleMesh> parse_text_stl(std::string_view content) {
   PolygonCutter polygons(mesh);
   std::vector<double> corners;
   bool is_in_solid = false, is_in_facet = false;
-  content = without_mark(content);
   for (int number = 1; !content.empty(); ++number) {
     const auto where = [&] { return " in line " + std::to_string(number); };
     std::string_view line = take_line(content);
