@@ -333,7 +333,7 @@ class Usage(CommandLineCase):
         os.mkdir(frames)
         write_depth_png(os.path.join(frames, "a.png"), 160, 120, lambda u, v: 1000)
         with open(os.path.join(frames, "depth.txt"), "w") as file:
-            file.write("0 a.png\n1000000 a.png\n")
+            file.write("0 a.png\n1 a.png\n2 a.png\n1000000 a.png\n")
         self.expect_failure(1, "touch", self.tool, "--depth-sequence", frames, "--intrinsics", INTRINSICS, "-o", out,
                             mentions="are more than a day apart")
         # Took 12 s for 32 kB: each # may be the end of a file's name.
