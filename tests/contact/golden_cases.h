@@ -91,6 +91,7 @@ struct Case {
   std::string name;
   ContactOptions options;
   bool is_blended = false;
+  bool is_large = false;  ///< a tool whose clusters count as one ball each where they lie deep
 };
 
 inline std::vector<Case> cases() {
@@ -115,6 +116,8 @@ inline std::vector<Case> cases() {
       {"blended-simplified", {.method = simplified}, true},
       {"blended-graph", {.method = graph}, true},
       {"blended-field", {.method = field}, true},
+      {"field-large", {.method = field}, false, true},
+      {"blended-field-large", {.method = field}, true, true},
   };
   const std::pair<const char*, MethodKind> methods[] = {
       {"weighted", weighted}, {"simplified", simplified}, {"graph", graph}};
@@ -134,7 +137,8 @@ inline std::vector<Case> cases() {
 }
 
 inline Result run(const Case& c) {
-  static const Tool tool = test::random_tool(300, 0.03, 5);
+  static const Tool small = test::random_tool(300, 0.03, 5), large = test::grid_tool();
+  const Tool& tool = c.is_large ? large : small;
   static const Seen from(0), to(6);
   const auto query =
       make_contact_query(Place::cpu(), tool, contact_method(c.options).value()).value();

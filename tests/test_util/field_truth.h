@@ -60,10 +60,10 @@ void join_deep_clusters(const Tool& tool, int first_ball, const Pose& X_WT, cons
     ball.radius = radii / all;
     ball.cluster = cluster.front().cluster;
     sample(ball, X_WT * tool.sphere_mass().center_of_mass + ball.lever, ball.radius);
-    const double x = (-ball.phi - deep) / (0.5 * deep);
+    const double x = (-ball.phi - deep) / deep;
     if (!ball.has_value || !(x > 0)) continue;
     const double share = x < 1 ? x * x * (3 - 2 * x) : 1;
-    const double by_phi = x < 1 ? -6 * x * (1 - x) / (0.5 * deep) : 0;
+    const double by_phi = x < 1 ? -6 * x * (1 - x) / deep : 0;
     ball.volume = share * all;
     ball.factor = ball.volume / sphere_volume(ball.radius);
     ball.potential = -share * all * ball.phi;

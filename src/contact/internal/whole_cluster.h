@@ -19,7 +19,7 @@
 namespace palpate { inline namespace v0 {
 
 /// Depth over which a cluster becomes one ball, in WholeClusters::depth.
-inline constexpr float kWholeWidth = 0.5f;
+inline constexpr float kWholeWidth = 1.0f;
 
 /// Returns the share w of the ball, by phi.
 template <class Real>

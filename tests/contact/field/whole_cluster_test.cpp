@@ -60,12 +60,12 @@ Truth truth_of(const Tool& tool, const FieldElements& elements, const FrozenFiel
 
 TEST(WholeCluster, DerivativesAreThoseOfTheShare) {
   constexpr double kDepth = 0.01, kStep = 1e-7;
-  for (double phi = -0.02; phi < 0; phi += 0.00037) {
+  for (double phi = -0.0251; phi < 0; phi += 0.00037) {
     const Curved<double> low = whole_share(phi - kStep, kDepth), at = whole_share(phi, kDepth),
                          high = whole_share(phi + kStep, kDepth);
     EXPECT_NEAR(at.slope, (high.value - low.value) / (2 * kStep), 1e-3) << phi;
     EXPECT_NEAR(at.bend, (high.slope - low.slope) / (2 * kStep), 1e-1) << phi;
-    EXPECT_EQ(at.value, phi >= -kDepth ? 0 : phi <= -1.5 * kDepth ? 1 : at.value);
+    EXPECT_EQ(at.value, phi >= -kDepth ? 0 : phi <= -2 * kDepth ? 1 : at.value);
   }
 }
 

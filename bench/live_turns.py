@@ -1,0 +1,110 @@
+#!/usr/bin/env python3
+"""Compares the live programs of two builds, one CSV row per case, program and round, in bench/results/live-turns-MACHINE.csv.
+
+A cube of 0.1 m in a simulated hand before a simulated hand and wall, and, led by recorded poses, wholly behind the
+wall. Each program has two cores of its own; both run at the same time and change cores every round, so that whatever
+else the machine does meets both. Times are microseconds.
+
+usage: bench/live_turns.py BEFORE AFTER [--rounds 3] [--seconds 10] [--spheres 17000] [--names BEFORE,AFTER]
+       BEFORE, AFTER: build folders with bin/palpate; set PALPATE_ISA to choose the instruction set
+"""
+import argparse
+import csv
+import datetime
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from live_figures import TIMES
+from record_results import COLUMNS, machine_name
+
+CASES = {"hand": ["--scene", "hand", "--device", "sim"], "wall": ["--scene", "wall", "--device", "sim"]}
+SERIES = ("contact_compute", "surface_compute", "sensor_to_force", "haptic_compute")
+
+
+def cores():
+    """Returns two pairs of processors, each of another physical core if there are enough."""
+    allowed = sorted(os.sched_getaffinity(0))
+    one_of_each = [cpu for cpu in allowed if cpu == int(
+        Path(f"/sys/devices/system/cpu/cpu{cpu}/topology/thread_siblings_list").read_text().replace("-", ",").split(",")[0])]
+    chosen = one_of_each if len(one_of_each) >= 4 else allowed
+    if len(chosen) < 4:
+        sys.exit(f"live_turns: {len(chosen)} cores; two programs with two cores each need 4")
+    return chosen[:2], chosen[2:4]
+
+
+def write_inside(path, seconds):
+    """Writes poses that go through the wall of scene wall within 2 s, and stay 0.1 m behind it."""
+    with path.open("w") as out:
+        for tick in range(int(1000 * seconds)):
+            t = tick / 1000
+            out.write(f"{t:.3f} 0 0 {0.8 + 0.35 * min(t / 2, 1) + 0.002 * (tick % 200 < 100):.6f} 0 0 0 1\n")
+
+
+def start(palpate, options, pair, folder):
+    return subprocess.Popen(["taskset", "-c", ",".join(map(str, pair)), palpate, "touch", *options, "-o", folder],
+                            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("before", type=Path)
+    parser.add_argument("after", type=Path)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--seconds", type=float, default=10)
+    parser.add_argument("--spheres", type=int, default=17000)
+    parser.add_argument("--names", default="before,after", help="commits of both, for the rows")
+    options = parser.parse_args()
+    programs = dict(zip(options.names.split(","), (options.before / "bin/palpate", options.after / "bin/palpate")))
+    rows = []
+    with tempfile.TemporaryDirectory() as work:
+        work = Path(work)
+        write_inside(work / "inside.tum", options.seconds)
+        cases = {**CASES, "inside": ["--scene", "wall", "--device", f"replay:{work}/inside.tum", "--coupling", "direct"]}
+        tools = {}
+        for name, palpate in programs.items():
+            subprocess.run([palpate, "shape", "box", "--size", "0.1", "-o", work / "box.ply"], check=True, stdout=subprocess.DEVNULL)
+            tools[name] = work / f"{name}.palp"
+            subprocess.run([palpate, "pack", work / "box.ply", "--spheres", str(options.spheres), "-o", tools[name]], check=True,
+                           stdout=subprocess.DEVNULL)
+        pairs = cores()
+        for turn in range(options.rounds):
+            for case, words in cases.items():
+                runs = {}
+                for (name, palpate), pair in zip(programs.items(), pairs if turn % 2 == 0 else pairs[::-1]):
+                    command = [tools[name], *words, "--duration", f"{options.seconds:g}", "--set", "loop.threads=2"]
+                    runs[name] = (command, work / f"{name}-{case}-{turn}")
+                    runs[name] += (start(palpate, command, pair, runs[name][1]),)
+                for name, (command, folder, process) in runs.items():
+                    errors = process.communicate()[1]
+                    summary = folder / "summary.json"
+                    if not summary.exists():
+                        sys.exit(f"live_turns: {name}: {errors}")
+                    summary = json.loads(summary.read_text())
+                    for series in SERIES:
+                        times = summary["microseconds"][series]
+                        facts = {key: summary[key] for key in ("frames", "frames_left_out", "stiffness_left_out", "ticks", "missed")}
+                        row = dict.fromkeys(COLUMNS, "")
+                        row.update(date=datetime.date.today().isoformat(), commit=name, machine=machine_name(),
+                                   isa=os.environ.get("PALPATE_ISA", ""), program="palpate",
+                                   case=f"{series}/scene:{case}/spheres:{options.spheres}/cores:2/turn:{turn}",
+                                   calls=int(times.get("num", 0)), facts=" ".join(f"{key}={value:g}" for key, value in facts.items()),
+                                   load_before=f"{os.getloadavg()[0]:.1f}",
+                                   command=" ".join(["palpate touch cube.palp", *(Path(w).name if "/" in w else w for w in map(str, command[1:]))]),
+                                   note=summary["failure"] or "")
+                        row.update({column: round(times[key], 2) for key, column in TIMES.items() if key in times})
+                        rows.append(row)
+                        print(f'{name:10} {row["case"]:60} {row["median_us"]:>9} {row["p99_us"]:>9} {row["facts"]} {row["note"]}', file=sys.stderr)
+    path = Path(os.environ.get("OUT", Path(__file__).parent / "results")) / f"live-turns-{os.cpu_count()}-cores.csv"
+    with path.open("w", newline="") as out:
+        writer = csv.DictWriter(out, COLUMNS)
+        writer.writeheader()
+        writer.writerows(rows)
+    print(f"{len(rows)} rows in {path}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
