@@ -9,6 +9,7 @@
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/messages/bag_contents.h"
 #include "src/cameras/messages/cloud_messages.h"
+#include "src/cameras/stream/camera_source.h"
 #include "src/cloud/internal/frame_limits.h"
 #include "src/core/internal/message_text.h"
 #include "src/core/internal/shared_library.h"
@@ -326,12 +327,10 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   }
   auto models = has_clouds ? LensHistory() : contents.choose_lens(uri, *topic, notes);
   if (!models) return with_lacks(models.error());
-  if (models->empty() && !lacks.empty() && !has_clouds && !uri.intrinsics) {
-    return with_lacks({Errc::bad_input, "camera " + uri.text +
-                                            ": unknown intrinsics; pass "
-                                            "?intrinsics=fx,fy,cx,cy in pixels"});
-  }
   if (!models->empty()) set_ros_camera(models->front().second, *topic, info);
+  if (const auto truth = truth_of(uri, info); !truth && !lacks.empty()) {
+    return with_lacks(truth.error());
+  }
   auto place = place_of(uri, contents, images);
   if (!place) return with_lacks(place.error());
   if (*place) info.is_moving = (*place)->transforms.is_moving((*place)->world, (*place)->frame);

@@ -32,7 +32,7 @@ constexpr bool kIsEmulated = true;
 #else
 constexpr bool kIsEmulated = false;
 #endif
-// The emulator and compute-sanitizer are slow: fewer poses are tested there.
+// The emulator and compute-sanitizer are slow: fewer poses of smaller tools are tested there.
 const bool kIsShort = kIsEmulated || std::getenv("PALPATE_SHORT_TESTS") != nullptr;
 
 struct Case {
@@ -116,7 +116,7 @@ TEST(ContactQueryCuda, EqualsBruteForceByOtherPriorities) {
 
 /// A larger scene for comparisons with the CPU alone.
 struct Comparison {
-  Tool tool = test::random_tool(1200, 0.08, 6);
+  Tool tool = test::random_tool(kIsShort ? 500 : 1200, 0.08, 6);
   test::CloudWithEdges scene = l_shape(0.0015, 5);
   DepthField field = std::move(DepthField::create(160, 120)).value();
   std::vector<Pose> poses;
