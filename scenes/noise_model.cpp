@@ -26,18 +26,18 @@ std::uint64_t draw(std::uint64_t frame_key, std::uint64_t pixel, Draw which) {
 
 double uniform(std::uint32_t bits) { return (bits + 0.5) * 0x1.0p-32; }
 
-/// A number of mean 0 and variance 1 that is normal for our purposes: the heads among n coins, made
-/// smooth by one uniform number. Whole numbers and products only, so it has the same bits
-/// everywhere.
-double normal(std::uint64_t coins, int n, double smoothing) {
-  return (std::popcount(coins) - 0.5 * n + smoothing - 0.5) / std::sqrt(n / 4.0 + 1.0 / 12.0);
-}
+/// A number that is normal for our purposes: the heads among n coins, made smooth by one uniform
+/// number; less their mean, over their standard deviation. Whole numbers and products only, so it
+/// has the same bits everywhere.
+double centered(int heads, int n, double smoothing) { return heads - 0.5 * n + smoothing - 0.5; }
+double deviation(int n) { return std::sqrt(n / 4.0 + 1.0 / 12.0); }
+constexpr int kJitterCoins = 32, kNoiseCoins = 64;
 
 /// Jitter takes the other side of an edge only if it differs by this share of the depth: on a slope
 /// it would be axial noise in disguise.
 constexpr double kEdgeShare = 0.03;
 
-constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
 
@@ -49,7 +49,15 @@ DepthSensor::DepthSensor(const NoiseModel& model, const Intrinsics& intrinsics, 
       unit_(unit),
       seed_(seed),
       disparity_(intrinsics.fx * model.baseline),
-      lit_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)) {}
+      lit_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)),
+      depth_(static_cast<std::size_t>(width)),
+      noise_(static_cast<std::size_t>(width)) {
+  for (int heads = 0; heads <= kJitterCoins; ++heads) {
+    const double pixels =
+        model.lateral * (centered(heads, kJitterCoins, 0.5) / deviation(kJitterCoins));
+    jitter_[static_cast<std::size_t>(heads)] = static_cast<int>(std::floor(pixels + 0.5));
+  }
+}
 
 void DepthSensor::cast_shadows(std::span<const float> depth) {
   std::copy(depth.begin(), depth.end(), lit_.begin());
@@ -67,67 +75,94 @@ void DepthSensor::cast_shadows(std::span<const float> depth) {
       if (column < leftmost) {
         leftmost = column;
       } else {
-        lit_[row + u] = kNone;
+        lit_[row + u] = static_cast<float>(kNone);
       }
     }
   }
 }
 
-double DepthSensor::measure_pixel(std::span<const float> depth, std::uint64_t frame_key, int u,
-                                  int v) const {
+/// Draws the numbers of a row, and finds the depth that each of its pixels sees.
+void DepthSensor::draw_row(std::span<const float> depth, std::uint64_t frame_key, int v) {
   const auto index = [&](int column, int row) {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
            static_cast<std::size_t>(column);
   };
-  const std::size_t pixel = index(u, v);
-  const std::uint64_t uniforms = draw(frame_key, pixel, kUniforms);
-  if (uniform(static_cast<std::uint32_t>(uniforms)) < model_.missing) return kNone;
-
-  std::size_t source = pixel;
-  if (model_.lateral > 0) {
-    const std::uint64_t jitter = draw(frame_key, pixel, kJitter);
-    const auto shifted = [&](int at, std::uint64_t coins, int size) {
-      return std::clamp(
-          at + static_cast<int>(std::floor(model_.lateral * normal(coins, 32, 0.5) + 0.5)), 0,
-          size - 1);
-    };
-    const std::size_t other =
-        index(shifted(u, jitter & 0xffffffffu, width_), shifted(v, jitter >> 32, height_));
-    // Written so that an edge towards nothing (NaN) counts as well.
-    const double step =
-        std::abs(static_cast<double>(depth[other]) - static_cast<double>(depth[pixel]));
-    if (!(step <= kEdgeShare * static_cast<double>(depth[pixel]))) source = other;
-  }
-  const double z = lit_[source];
-  if (!(z > 0)) return kNone;
-
-  const double sigma = model_.axial_base + model_.axial_growth * (z - 0.4) * (z - 0.4);
-  const double noise = normal(draw(frame_key, pixel, kCoins), 64,
+  const auto shifted = [&](int at, std::uint64_t coins, int size) {
+    return std::clamp(at + jitter_[static_cast<std::size_t>(std::popcount(coins))], 0, size - 1);
+  };
+  for (int u = 0; u < width_; ++u) {
+    const std::size_t pixel = index(u, v);
+    std::size_t source = pixel;
+    if (model_.lateral > 0) {
+      const std::uint64_t jitter = draw(frame_key, pixel, kJitter);
+      const std::size_t other =
+          index(shifted(u, jitter & 0xffffffffu, width_), shifted(v, jitter >> 32, height_));
+      // Written so that an edge towards nothing (NaN) counts as well.
+      const double step =
+          std::abs(static_cast<double>(depth[other]) - static_cast<double>(depth[pixel]));
+      if (!(step <= kEdgeShare * static_cast<double>(depth[pixel]))) source = other;
+    }
+    const std::uint64_t uniforms = draw(frame_key, pixel, kUniforms);
+    const bool is_missing = uniform(static_cast<std::uint32_t>(uniforms)) < model_.missing;
+    const auto column = static_cast<std::size_t>(u);
+    depth_[column] = is_missing || !(lit_[source] > 0) ? kNone : static_cast<double>(lit_[source]);
+    noise_[column] = centered(std::popcount(draw(frame_key, pixel, kCoins)), kNoiseCoins,
                               uniform(static_cast<std::uint32_t>(uniforms >> 32)));
-  const double steps = disparity_ * model_.disparity_steps;
-  if (!(steps > 0)) return z + sigma * noise;
-  // The measured sigma contains the rounding error of variance step^2 / 12; it is not added twice.
-  const double step = z * z / steps;
-  const double spread = std::sqrt(std::max(0.0, sigma * sigma - step * step / 12));
-  const double noisy = z + spread * noise;
-  return noisy > 0 ? steps / std::max(1.0, std::floor(steps / noisy + 0.5)) : kNone;
+  }
+}
+
+/// Replaces the depth of a row by what the sensor measures.
+void DepthSensor::measure_row() {
+  const double base = model_.axial_base, growth = model_.axial_growth,
+               steps = disparity_ * model_.disparity_steps, noise_unit = deviation(kNoiseCoins);
+  const std::size_t width = depth_.size();
+  double* const depth = depth_.data();
+  const double* const noise = noise_.data();
+  if (!(steps > 0)) {
+    for (std::size_t u = 0; u < width; ++u) {
+      const double z = depth[u];
+      depth[u] = z + (base + growth * (z - 0.4) * (z - 0.4)) * (noise[u] / noise_unit);
+    }
+    return;
+  }
+  for (std::size_t u = 0; u < width; ++u) {
+    const double z = depth[u];
+    const double sigma = base + growth * (z - 0.4) * (z - 0.4);
+    // The measured sigma contains the rounding error of variance step^2 / 12; it is not added
+    // twice.
+    const double step = z * z / steps;
+    const double spread = std::sqrt(std::max(0.0, sigma * sigma - step * step / 12));
+    const double noisy = z + spread * (noise[u] / noise_unit);
+    const double rounded = steps / std::max(1.0, std::floor(steps / noisy + 0.5));
+    depth[u] = noisy > 0 ? rounded : kNone;
+  }
+}
+
+/// Rounds a row to counts; NaN and whatever does not fit are no measurement.
+void DepthSensor::count_row(std::span<std::uint16_t> counts) const {
+  const double unit = unit_;
+  const double* const depth = depth_.data();
+  for (std::size_t u = 0; u < counts.size(); ++u) {
+    const double count = std::floor(depth[u] / unit + 0.5);
+    const double kept = count >= 1 && count < 65535 ? count : 0.0;
+    counts[u] = static_cast<std::uint16_t>(static_cast<std::int32_t>(kept));
+  }
 }
 
 void DepthSensor::measure(std::span<const float> depth, std::uint64_t frame,
                           std::span<std::uint16_t> counts) {
   if (model_.enabled) cast_shadows(depth);
   const std::uint64_t frame_key = mixed(mixed(seed_ + kGolden) + (frame + 1) * kGolden);
+  const auto width = static_cast<std::size_t>(width_);
   for (int v = 0; v < height_; ++v) {
-    for (int u = 0; u < width_; ++u) {
-      const std::size_t pixel = static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) +
-                                static_cast<std::size_t>(u);
-      const double z = model_.enabled ? measure_pixel(depth, frame_key, u, v)
-                                      : static_cast<double>(depth[pixel]);
-      // NaN and whatever does not fit are no measurement.
-      const double count = std::floor(z / unit_ + 0.5);
-      counts[pixel] =
-          count >= 1 && count < 65535 ? static_cast<std::uint16_t>(count) : std::uint16_t{0};
+    const std::size_t first = static_cast<std::size_t>(v) * width;
+    if (model_.enabled) {
+      draw_row(depth, frame_key, v);
+      measure_row();
+    } else {
+      std::ranges::copy(depth.subspan(first, width), depth_.begin());
     }
+    count_row(counts.subspan(first, width));
   }
 }
 

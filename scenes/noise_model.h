@@ -1,6 +1,9 @@
-// From exact depth to what a structured-light sensor would deliver.
+// From exact depth to what a structured-light sensor would deliver. Rows are measured in two steps:
+// whole numbers first (what is drawn, which pixel is seen), then arithmetic that the compiler turns
+// into vectors, so that a camera beside a live run takes little of its cores.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -21,14 +24,19 @@ class DepthSensor {
 
  private:
   void cast_shadows(std::span<const float> depth);
-  double measure_pixel(std::span<const float> depth, std::uint64_t frame_key, int u, int v) const;
+  void draw_row(std::span<const float> depth, std::uint64_t frame_key, int v);
+  void measure_row();
+  void count_row(std::span<std::uint16_t> counts) const;
 
   NoiseModel model_;
   int width_, height_;
   double unit_;
   std::uint64_t seed_;
-  double disparity_;        ///< focal length * baseline: pixels of disparity * meters of depth
-  std::vector<float> lit_;  ///< depth where the projector's light falls, else NaN
+  double disparity_;            ///< focal length * baseline: pixels of disparity * meters of depth
+  std::vector<float> lit_;      ///< depth where the projector's light falls, else NaN
+  std::array<int, 33> jitter_;  ///< pixels, by the heads among 32 coins
+  std::vector<double> depth_,
+      noise_;  ///< of a row, m, NaN: no measurement; heads less their mean
 };
 
 }}}  // namespace palpate::v0::scenes
