@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <unordered_map>
+#include <vector>
 
 #include "scenes/body_shapes.h"
 #include "src/core/internal/assert.h"
@@ -11,22 +12,53 @@
 namespace palpate { inline namespace v0 { namespace scenes {
 namespace {
 
-/// Of the hull of two balls.
-double distance(const Ball& a, const Ball& b, const Vec3d& p) {
-  const Vec3d axis = b.center - a.center;
-  const double length = norm(axis), taper = a.radius - b.radius;
-  const double along = dot(p - a.center, axis) / length;
-  const double across = norm(p - a.center - axis * (along / length));
-  // Normals lean by the half angle of the cone; following them back leads to the nearest ball.
-  const double lean = taper / std::sqrt(length * length - taper * taper);
-  const double s = std::clamp(along - across * lean, 0.0, length);
-  return std::hypot(across, along - s) - (a.radius - taper * s / length);
+/// The hull of two neighboring balls of a chain.
+struct Segment {
+  Vec3d begin, axis;
+  double radius, length, taper;
+  double lean;    ///< of its normals: slope of the half angle of the cone
+  Vec3d middle;   ///< of a ball around it,
+  double around;  ///< with this radius
+
+  Segment(const Ball& a, const Ball& b)
+      : begin(a.center),
+        axis(b.center - a.center),
+        radius(a.radius),
+        length(norm(axis)),
+        taper(a.radius - b.radius),
+        lean(taper / std::sqrt(length * length - taper * taper)),
+        middle(a.center + axis * 0.5),
+        around(length / 2 + std::max(a.radius, b.radius)) {}
+
+  double distance(const Vec3d& p) const {
+    const double along = dot(p - begin, axis) / length;
+    const double across = norm(p - begin - axis * (along / length));
+    // Following the normals back leads to the nearest ball.
+    const double s = std::clamp(along - across * lean, 0.0, length);
+    return std::hypot(across, along - s) - (radius - taper * s / length);
+  }
+
+  /// Returns whether every point of it is farther from p than that, for sure.
+  bool is_beyond(double limit, const Vec3d& p) const {
+    constexpr double kRounded = 1e-9;  // m, more than what rounding changes
+    const Vec3d away = p - middle;
+    const double reach = around + limit + kRounded;
+    return reach > 0 && dot(away, away) > reach * reach;
+  }
+};
+
+std::vector<Segment> segments_of(const BallChain& chain) {
+  std::vector<Segment> segments;
+  for (std::size_t i = 1; i < chain.size(); ++i) segments.emplace_back(chain[i - 1], chain[i]);
+  return segments;
 }
 
-double distance(const BallChain& chain, const Vec3d& p) {
+/// Returns the distance to a chain, or more than `limit` if it is farther than that.
+double distance(const std::vector<Segment>& chain, const Vec3d& p, double limit) {
   double nearest = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 1; i < chain.size(); ++i) {
-    nearest = std::min(nearest, distance(chain[i - 1], chain[i], p));
+  for (const Segment& segment : chain) {
+    if (segment.is_beyond(std::min(nearest, limit), p)) continue;
+    nearest = std::min(nearest, segment.distance(p));
   }
   return nearest;
 }
@@ -40,7 +72,8 @@ double distance(const Ellipsoid& ellipsoid, const Vec3d& p) {
   return slope > 0 ? k * (k - 1) / slope : -std::min({r.x, r.y, r.z});
 }
 
-/// Minimum that rounds the crease between surfaces closer than `blend`.
+/// Minimum that rounds the crease between surfaces closer than `blend`; what is farther changes
+/// nothing.
 double soft_minimum(double a, double b, double blend) {
   const double h = std::max(0.0, blend - std::abs(a - b));
   return std::min(a, b) - h * h / (4 * blend);
@@ -98,6 +131,7 @@ class MarchingTetrahedra {
   void cut(const Tetrahedron& t) {
     unsigned inside = 0;
     for (unsigned c = 0; c < 4; ++c) inside |= (grid_.values[t[c]] < 0 ? 1u : 0u) << c;
+    if (inside == 0 || inside == 15u) return;
     // Even orders of the corners, the one alone (or the two inside) first.
     constexpr std::size_t kAlone[4][4] = {{0, 1, 2, 3}, {1, 0, 3, 2}, {2, 0, 1, 3}, {3, 0, 2, 1}};
     constexpr std::size_t kPairs[6][4] = {{0, 1, 2, 3}, {0, 2, 3, 1}, {0, 3, 1, 2},
@@ -159,10 +193,14 @@ TriangleMesh blended(std::span<const BallChain> chains, std::span<const Ellipsoi
         static_cast<std::size_t>((box.high[axis] - box.low[axis] + 2 * margin) / cell) + 1;
   }
   grid.values.resize(grid.nodes[0] * grid.nodes[1] * grid.nodes[2]);
+  std::vector<std::vector<Segment>> parts;
+  for (const BallChain& chain : chains) parts.push_back(segments_of(chain));
   for (std::size_t node = 0; node < grid.values.size(); ++node) {
     const Vec3d p = grid.position(node);
     double value = margin;
-    for (const BallChain& c : chains) value = soft_minimum(value, distance(c, p), blend);
+    for (const auto& part : parts) {
+      value = soft_minimum(value, distance(part, p, value + blend), blend);
+    }
     for (const Ellipsoid& e : ellipsoids) value = soft_minimum(value, distance(e, p), blend);
     grid.values[node] = value;
   }
