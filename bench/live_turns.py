@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
-"""Compares the live programs of two builds, one CSV row per case, program and round, in bench/results/live-turns-MACHINE.csv.
+"""Compares the live programs of two builds, one CSV row per case, program and round, in
+bench/results/live-turns-MACHINE.csv.
 
 A cube of 0.1 m in a simulated hand before a simulated hand and wall, and, led by poses of a file, wholly behind the
 wall. Each program has two cores. On a machine of four or more both run at the same time and change cores every
 round; on a smaller one they take turns, and change their order. Times are microseconds.
 
 usage: bench/live_turns.py BEFORE AFTER [--rounds 3] [--seconds 10] [--spheres 17000] [--names BEFORE,AFTER]
+                           [--note TEXT]
        BEFORE, AFTER: build folders with bin/palpate; set PALPATE_ISA to choose the instruction set
 """
 import argparse
@@ -14,6 +16,7 @@ import datetime
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -43,9 +46,15 @@ def write_inside(path, seconds):
             out.write(f"{t:.3f} 0 0 {0.8 + 0.35 * min(t / 2, 1) + 0.002 * math.sin(12 * t):.6f} 0 0 0 1\n")
 
 
-def start(palpate, options, pair, folder):
+def start(palpate, options, pair, folder, errors):
+    """Starts a run on a pair of processors; what it complains about goes into a file."""
     return subprocess.Popen(["taskset", "-c", ",".join(map(str, pair)), palpate, "touch", *options, "-o", folder],
-                            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+                            stdout=subprocess.DEVNULL, stderr=errors.open("w"))
+
+
+def told(command):
+    """Returns a command as rows tell it: files by their names."""
+    return " ".join(["palpate touch cube.palp", *(re.sub(r"(^|:)/.*/", r"\1", str(word)) for word in command[1:])])
 
 
 def main():
@@ -56,6 +65,7 @@ def main():
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--spheres", type=int, default=17000)
     parser.add_argument("--names", default="before,after", help="commits of both, for the rows")
+    parser.add_argument("--note", default="")
     options = parser.parse_args()
     programs = dict(zip(options.names.split(","), (options.before / "bin/palpate", options.after / "bin/palpate")))
     rows = []
@@ -77,14 +87,16 @@ def main():
                 for (name, palpate), pair in zip(in_order, pairs):
                     command = [tools[name], *words, "--duration", f"{options.seconds:g}", "--set", "loop.threads=2"]
                     folder = work / f"{name}-{case}-{turn}"
-                    runs[name] = (command, folder, start(palpate, command, pair, folder))
+                    errors = folder.with_suffix(".txt")
+                    load = f"{os.getloadavg()[0]:.1f}"
+                    runs[name] = (command, folder, errors, load, start(palpate, command, pair, folder, errors))
                     if pairs[0] == pairs[1]:
-                        runs[name][2].wait()
-                for name, (command, folder, process) in runs.items():
-                    errors = process.communicate()[1]
+                        runs[name][-1].wait()
+                for name, (command, folder, errors, load, process) in runs.items():
+                    process.wait()
                     summary = folder / "summary.json"
                     if not summary.exists():
-                        sys.exit(f"live_turns: {name}: {errors}")
+                        sys.exit(f"live_turns: {name}: {errors.read_text()}")
                     summary = json.loads(summary.read_text())
                     for series in SERIES:
                         times = summary["microseconds"][series]
@@ -94,13 +106,13 @@ def main():
                                    isa=os.environ.get("PALPATE_ISA", ""), program="palpate",
                                    case=f"{series}/scene:{case}/spheres:{options.spheres}/cores:2/turn:{turn}",
                                    calls=int(times.get("num", 0)), facts=" ".join(f"{key}={value:g}" for key, value in facts.items()),
-                                   load_before=f"{os.getloadavg()[0]:.1f}",
-                                   command=" ".join(["palpate touch cube.palp", *(Path(w).name if "/" in w else w for w in map(str, command[1:]))]),
-                                   note=summary["failure"] or "")
+                                   load_before=load, command=told(command),
+                                   note=" ".join(filter(None, (options.note, summary["failure"]))))
                         row.update({column: round(times[key], 2) for key, column in TIMES.items() if key in times})
                         rows.append(row)
                         print(f'{name:10} {row["case"]:60} {row["median_us"]:>9} {row["p99_us"]:>9} {row["facts"]} {row["note"]}', file=sys.stderr)
-    path = Path(os.environ.get("OUT", Path(__file__).parent / "results")) / f"live-turns-{os.cpu_count()}-cores.csv"
+    slug = re.sub(r"[^a-z0-9]+", "-", machine_name().lower()).strip("-")
+    path = Path(__file__).parent / "results" / f"live-turns-{slug}.csv"
     with path.open("w", newline="") as out:
         writer = csv.DictWriter(out, COLUMNS)
         writer.writeheader()

@@ -72,8 +72,8 @@ double distance(const Ellipsoid& ellipsoid, const Vec3d& p) {
   return slope > 0 ? k * (k - 1) / slope : -std::min({r.x, r.y, r.z});
 }
 
-/// Minimum that rounds the crease between surfaces closer than `blend`; what is farther changes
-/// nothing.
+/// Returns the minimum, which rounds the crease between surfaces closer than `blend`: what is
+/// farther changes nothing.
 double soft_minimum(double a, double b, double blend) {
   const double h = std::max(0.0, blend - std::abs(a - b));
   return std::min(a, b) - h * h / (4 * blend);

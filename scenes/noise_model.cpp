@@ -26,12 +26,13 @@ std::uint64_t draw(std::uint64_t frame_key, std::uint64_t pixel, Draw which) {
 
 double uniform(std::uint32_t bits) { return (bits + 0.5) * 0x1.0p-32; }
 
-/// A number that is normal for our purposes: the heads among n coins, made smooth by one uniform
-/// number; less their mean, over their standard deviation. Whole numbers and products only, so it
-/// has the same bits everywhere.
+/// Returns the heads among n coins, made smooth by one uniform number, less their mean. Over their
+/// standard deviation that is normal for our purposes. Whole numbers and products only, so it has
+/// the same bits everywhere.
 double centered(int heads, int n, double smoothing) { return heads - 0.5 * n + smoothing - 0.5; }
+/// Returns the standard deviation of that.
 double deviation(int n) { return std::sqrt(n / 4.0 + 1.0 / 12.0); }
-constexpr int kJitterCoins = 32, kNoiseCoins = 64;
+constexpr int kNoiseCoins = 64;
 
 /// Jitter takes the other side of an edge only if it differs by this share of the depth: on a slope
 /// it would be axial noise in disguise.

@@ -23,6 +23,8 @@ class DepthSensor {
   void measure(std::span<const float> depth, std::uint64_t frame, std::span<std::uint16_t> counts);
 
  private:
+  static constexpr int kJitterCoins = 32;
+
   void cast_shadows(std::span<const float> depth);
   void draw_row(std::span<const float> depth, std::uint64_t frame_key, int v);
   void measure_row();
@@ -32,11 +34,11 @@ class DepthSensor {
   int width_, height_;
   double unit_;
   std::uint64_t seed_;
-  double disparity_;            ///< focal length * baseline: pixels of disparity * meters of depth
-  std::vector<float> lit_;      ///< depth where the projector's light falls, else NaN
-  std::array<int, 33> jitter_;  ///< pixels, by the heads among 32 coins
-  std::vector<double> depth_,
-      noise_;  ///< of a row, m, NaN: no measurement; heads less their mean
+  double disparity_;        ///< focal length * baseline: pixels of disparity * meters of depth
+  std::vector<float> lit_;  ///< depth where the projector's light falls, else NaN
+  std::array<int, kJitterCoins + 1> jitter_;  ///< pixels, by the heads
+  std::vector<double> depth_;                 ///< of a row, m; NaN: no measurement
+  std::vector<double> noise_;                 ///< of a row, in coins
 };
 
 }}}  // namespace palpate::v0::scenes

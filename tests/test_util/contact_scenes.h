@@ -50,7 +50,7 @@ inline Tool random_tool(int num_spheres, double half_side, std::uint64_t seed) {
       .value();
 }
 
-/// 4,096 balls in a grid: 128 compact clusters, which count as one ball each from 6 mm of depth on.
+/// 4,096 balls in a grid: 128 compact clusters, which count as one ball each where they lie deep.
 inline Tool grid_tool() {
   SpherePacking packing;
   for (int i = 0; i < 4096; ++i) {

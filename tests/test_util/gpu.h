@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <cstdlib>
 
 #include <gtest/gtest.h>
 
@@ -18,6 +19,14 @@
   static_assert(true)
 
 namespace palpate::test {
+
+#if defined(PALPATE_EMULATE_CUDA)
+inline constexpr bool kIsEmulated = true;
+#else
+inline constexpr bool kIsEmulated = false;
+#endif
+/// Tests measure fewer poses of smaller tools: the emulator and compute-sanitizer are slow.
+inline const bool kIsShort = kIsEmulated || std::getenv("PALPATE_SHORT_TESTS") != nullptr;
 
 /// Runs `body` in several orders of threads where the emulator can choose one, else twice.
 template <class Body>

@@ -3,7 +3,6 @@
 #include "src/contact/backends.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <utility>
 #include <vector>
 
@@ -22,18 +21,12 @@ namespace {
 using test::all_continuities;
 using test::all_options;
 using test::all_options_with_edges;
+using test::kIsEmulated;
+using test::kIsShort;
 using test::l_shape;
 using test::Random;
 using test::random_pose;
 using test::same_bits;
-
-#if defined(PALPATE_EMULATE_CUDA)
-constexpr bool kIsEmulated = true;
-#else
-constexpr bool kIsEmulated = false;
-#endif
-// The emulator and compute-sanitizer are slow: fewer poses of smaller tools are tested there.
-const bool kIsShort = kIsEmulated || std::getenv("PALPATE_SHORT_TESTS") != nullptr;
 
 struct Case {
   int num_spheres;

@@ -2,6 +2,8 @@
 // its definition in double while clusters are between, and both against all elements by themselves.
 #include "src/contact/internal/whole_cluster.h"
 
+#include <algorithm>
+
 #include <gtest/gtest.h>
 
 #include "palpate/contact/contact.h"
@@ -65,7 +67,8 @@ TEST(WholeCluster, DerivativesAreThoseOfTheShare) {
                          high = whole_share(phi + kStep, kDepth);
     EXPECT_NEAR(at.slope, (high.value - low.value) / (2 * kStep), 1e-3) << phi;
     EXPECT_NEAR(at.bend, (high.slope - low.slope) / (2 * kStep), 1e-1) << phi;
-    EXPECT_EQ(at.value, phi >= -kDepth ? 0 : phi <= -2 * kDepth ? 1 : at.value);
+    const double x = std::clamp((-phi - kDepth) / kDepth, 0.0, 1.0);
+    EXPECT_NEAR(at.value, x * x * (3 - 2 * x), 1e-6);
   }
 }
 
