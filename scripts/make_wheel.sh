@@ -19,13 +19,15 @@ raw=build/wheel/raw
 rm -rf "$raw"
 # As CMake calls them everywhere else: so the compiler cache knows what it has compiled before.
 export CC=${CC:-cc} CXX=${CXX:-c++}
-options=() built=build/wheel
-for option in -DPALPATE_BUILT= -DPALPATE_CUDA=OFF "$@"; do  # not that of an earlier time
-  options+=(-C "cmake.args=$option")
+options=-DPALPATE_BUILT=  # not that of an earlier time
+built=build/wheel
+for option in -DPALPATE_CUDA=OFF "$@"; do
+  options+=";$option"
   case "$option" in -DPALPATE_BUILT=?*) built=${option#*=} ;; esac
 done
 CMAKE_BUILD_PARALLEL_LEVEL=$jobs PATH="$PWD/$tools:$PATH" \
-  "$tools/python" -m pip wheel --quiet --no-build-isolation --no-deps --no-index "${options[@]}" -w "$raw" .
+  "$tools/python" -m pip wheel --quiet --no-build-isolation --no-deps --no-index \
+  --config-settings "cmake.args=$options" -w "$raw" .  # in one: the pip of Debian 12 keeps the last of several
 
 scripts/require_pages.sh "$built"
 # What a fresh Linux lacks goes into the wheel. Its C library has to be as new as that of this machine.
