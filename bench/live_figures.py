@@ -74,6 +74,27 @@ def gpu_name():
     return names[0] if names else "no GPU"
 
 
+def row_of(case, times, facts, **columns):
+    """Returns a row of a case of the live program, and prints it in short."""
+    row = dict.fromkeys(COLUMNS, "")
+    row.update(date=datetime.date.today().isoformat(), program="palpate", case=case, calls=int(times.get("num", 0)),
+               facts=" ".join(f"{key}={value:g}" for key, value in facts.items()), **columns)
+    row.update({column: round(times[key], 2) for key, column in TIMES.items() if key in times})
+    print(f'{row["commit"]:10} {case:70} {row["median_us"]:>10} {row["p99_us"]:>10}  {row["facts"]}', file=sys.stderr)
+    return row
+
+
+def write_rows(stem, machine, rows):
+    """Writes bench/results/STEM-MACHINE.csv."""
+    slug = re.sub(r"[^a-z0-9]+", "-", machine.lower()).strip("-")
+    path = Path(__file__).parent / "results" / f"{stem}-{slug}.csv"
+    with path.open("w", newline="") as out:
+        writer = csv.DictWriter(out, COLUMNS)
+        writer.writeheader()
+        writer.writerows(rows)
+    print(f"{len(rows)} rows in {path}", file=sys.stderr)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("build", type=Path)
@@ -108,18 +129,10 @@ def main():
         machine = f"{gpu_name()}, {machine}"
 
     def add(case, times, command, facts, load):
-        row = dict.fromkeys(COLUMNS, "")
-        row.update(date=datetime.date.today().isoformat(), commit=revision, machine=machine,
-                   program="palpate", case=case, calls=int(times.get("num", 0)),
-                   facts=" ".join(f"{key}={value:g}" for key, value in facts.items()),
-                   load_before=load, command=command, note=options.note)
-        for key, column in TIMES.items():
-            if key in times:
-                row[column] = round(times[key], 2)
-        rows.append(row)
-        print(f'{case:70} {row["median_us"]:>10} {row["p99_us"]:>10}  {row["facts"]}', file=sys.stderr)
+        rows.append(row_of(case, times, facts, commit=revision, machine=machine, load_before=load, command=command,
+                           note=options.note))
 
-    print(f'{"":70} {"median us":>10} {"p99 us":>10}', file=sys.stderr)
+    print(f'{"":81} {"median us":>10} {"p99 us":>10}', file=sys.stderr)
     for num in map(int, options.spheres.split(",")):
         tool = work / f"cube{num}.palp"
         if not tool.exists():
@@ -156,13 +169,7 @@ def main():
     add(f"memory of a field query/spheres:{memory['spheres']}", {}, "recorded_query --memory 100",
         {"index_MB": memory["index"] / 1e6, "query_beyond_MB": memory["query"] / 1e6}, "")
 
-    slug = re.sub(r"[^a-z0-9]+", "-", machine.lower()).strip("-")
-    path = Path(__file__).parent / "results" / f"live-{slug}.csv"
-    with path.open("w", newline="") as out:
-        writer = csv.DictWriter(out, COLUMNS)
-        writer.writeheader()
-        writer.writerows(rows)
-    print(f"{len(rows)} rows in {path}", file=sys.stderr)
+    write_rows("live", machine, rows)
 
 
 if __name__ == "__main__":

@@ -11,8 +11,6 @@ usage: bench/live_turns.py BEFORE AFTER [--rounds 3] [--seconds 10] [--spheres 1
        BEFORE, AFTER: build folders with bin/palpate; set PALPATE_ISA to choose the instruction set
 """
 import argparse
-import csv
-import datetime
 import json
 import math
 import os
@@ -22,8 +20,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from live_figures import TIMES
-from record_results import COLUMNS, machine_name
+from live_figures import row_of, write_rows
+from record_results import machine_name
 
 CASES = {"hand": ["--scene", "hand", "--device", "sim"], "wall": ["--scene", "wall", "--device", "sim"]}
 SERIES = ("contact_compute", "surface_compute", "sensor_to_force", "haptic_compute")
@@ -99,25 +97,12 @@ def main():
                         sys.exit(f"live_turns: {name}: {errors.read_text()}")
                     summary = json.loads(summary.read_text())
                     for series in SERIES:
-                        times = summary["microseconds"][series]
                         facts = {key: summary[key] for key in ("frames", "frames_left_out", "stiffness_left_out", "ticks", "missed")}
-                        row = dict.fromkeys(COLUMNS, "")
-                        row.update(date=datetime.date.today().isoformat(), commit=name, machine=machine_name(),
-                                   isa=os.environ.get("PALPATE_ISA", ""), program="palpate",
-                                   case=f"{series}/scene:{case}/spheres:{options.spheres}/cores:2/turn:{turn}",
-                                   calls=int(times.get("num", 0)), facts=" ".join(f"{key}={value:g}" for key, value in facts.items()),
-                                   load_before=load, command=told(command),
-                                   note=" ".join(filter(None, (options.note, summary["failure"]))))
-                        row.update({column: round(times[key], 2) for key, column in TIMES.items() if key in times})
-                        rows.append(row)
-                        print(f'{name:10} {row["case"]:60} {row["median_us"]:>9} {row["p99_us"]:>9} {row["facts"]} {row["note"]}', file=sys.stderr)
-    slug = re.sub(r"[^a-z0-9]+", "-", machine_name().lower()).strip("-")
-    path = Path(__file__).parent / "results" / f"live-turns-{slug}.csv"
-    with path.open("w", newline="") as out:
-        writer = csv.DictWriter(out, COLUMNS)
-        writer.writeheader()
-        writer.writerows(rows)
-    print(f"{len(rows)} rows in {path}", file=sys.stderr)
+                        rows.append(row_of(f"{series}/scene:{case}/spheres:{options.spheres}/cores:2/turn:{turn}",
+                                           summary["microseconds"][series], facts, commit=name, machine=machine_name(),
+                                           isa=os.environ.get("PALPATE_ISA", ""), load_before=load, command=told(command),
+                                           note=" ".join(filter(None, (options.note, summary["failure"])))))
+    write_rows("live-turns", machine_name(), rows)
 
 
 if __name__ == "__main__":

@@ -115,7 +115,7 @@ TEST(FieldContactCuda, EqualsTheCpu) {
     for (const Scene& scene : scenes()) {
       SCOPED_TRACE(scene.name);
       const FrozenField frozen(scene.cloud, scene.options);
-      for (int i = 0; i < (num_spheres > 1000 ? 8 : 24) / (test::kIsShort ? 2 : 1); ++i) {
+      for (int i = 0; i < (num_spheres > 1000 ? 8 : 25) / (test::kIsShort ? 2 : 1); ++i) {
         Pose X_WT = random_pose(random);
         if (scene.name == std::string("near")) X_WT.translation.z -= 0.48;
         for (const SphereVolumes volumes : kBoth) {

@@ -228,7 +228,9 @@ void compare_synthetic(Backend backend, int num_windows, int num_poses) {
   EXPECT_GT(counts.outside, num_windows / 4);
 }
 
-TEST(WindowedField, AnswersLikeTheWholeOneForAllOptions) { compare_synthetic(Backend::cpu, 8, 16); }
+TEST(WindowedField, AnswersLikeTheWholeOneForAllOptions) {
+  compare_synthetic(Backend::cpu, 12, 24);
+}
 
 TEST(WindowedField, AnswersLikeTheWholeOneOnAGpu) {
   PALPATE_GPU_OR_SKIP();
